@@ -1,0 +1,216 @@
+"""The values exchanged with plugins. They need numpy and nothing else.
+
+Lengths are metres, angles radians, coordinates those of the map's world frame. Arrays are not
+copied and not meant to be written to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = [
+    "BuildingTruth",
+    "Cluster",
+    "ConceptNode",
+    "FactorContext",
+    "FactorResult",
+    "FloatArray",
+    "IntArray",
+    "NodeShape",
+    "Scene",
+    "ScoredEdges",
+    "SurfaceArrays",
+]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceArrays:
+    """N wall surfaces as arrays: one row per observed side of a wall.
+
+    Endpoints are ordered so that whoever stands in front of the surface (where its normal points)
+    sees the first endpoint on the left: ``normals`` is ``tangents`` turned by -90 degrees.
+    The order of endpoints in the input therefore carries no information.
+
+    Attributes:
+        ids: id of the input's surface each row belongs to, shape [N]. Fragments of one surface
+            share its id.
+        segments: endpoints, [N, 2, 2], in metres.
+        normals: unit vectors from the wall body to the observed side, [N, 2].
+    """
+
+    ids: IntArray
+    segments: FloatArray
+    normals: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    @cached_property
+    def midpoints(self) -> FloatArray:
+        """Midpoints of the segments, [N, 2]."""
+        return np.asarray(self.segments.mean(axis=1))
+
+    @cached_property
+    def lengths(self) -> FloatArray:
+        """Lengths of the segments, the paper's width w_i, [N]."""
+        return np.asarray(np.linalg.norm(self.segments[:, 1] - self.segments[:, 0], axis=1))
+
+    @cached_property
+    def tangents(self) -> FloatArray:
+        """Unit vectors from the first to the second endpoint, [N, 2]."""
+        return np.stack([-self.normals[:, 1], self.normals[:, 0]], axis=1)
+
+    def take(self, rows: IntArray | NDArray[np.bool_]) -> SurfaceArrays:
+        """Return the given rows, by index or mask."""
+        return SurfaceArrays(self.ids[rows], self.segments[rows], self.normals[rows])
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What a scorer sees: the items of one map and the pairs that may be related.
+
+    Attributes:
+        surfaces: the N surfaces after preprocessing; coordinates are relative to ``origin``.
+        origin: world position of the scene's (0, 0), shape [2].
+        pairs: row indices of the surfaces of each pair, first below second, [E, 2].
+        distances: closest distance of the two surfaces of each pair, [E].
+        visibility: share of the lines of sight between the two surfaces that are free, [E, V].
+            Column 0 counts surfaces as obstacles; the further columns also count the gaps between
+            collinear surfaces, up to growing widths, as closed (see docs/network.md).
+        nodes: the nodes to relate, when the concept groups another concept's nodes instead of
+            wall surfaces; then ``pairs`` indexes them and ``surfaces`` holds their members.
+    """
+
+    surfaces: SurfaceArrays
+    origin: FloatArray
+    pairs: IntArray
+    distances: FloatArray
+    visibility: FloatArray
+    nodes: Sequence[ConceptNode] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class ScoredEdges:
+    """A relation: pairs of rows with the log-odds that they are related.
+
+    Attributes:
+        pairs: row indices, first below second, each pair once, [E, 2].
+        logits: log-odds of the relation, [E].
+    """
+
+    pairs: IntArray
+    logits: FloatArray
+
+    @cached_property
+    def probabilities(self) -> FloatArray:
+        """Probabilities of the relation, [E]."""
+        return np.asarray(0.5 * (1.0 + np.tanh(0.5 * self.logits)))
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """Rows that form one node of a concept.
+
+    Attributes:
+        members: row indices, ascending.
+        confidence: probability from 0 to 1 that the cluster is what its concept says.
+    """
+
+    members: tuple[int, ...]
+    confidence: float
+
+
+@dataclass(frozen=True)
+class NodeShape:
+    """The geometry of a node: in the scene's coordinates from a plugin, in the world on a node.
+
+    Attributes:
+        centre: a representative point (x, y).
+        polygon: outer ring, counter-clockwise, first point not repeated.
+        holes: inner rings.
+        thickness: of a wall, in metres.
+        attributes: the concept's own fields, JSON values.
+    """
+
+    centre: tuple[float, float] | None = None
+    polygon: tuple[tuple[float, float], ...] | None = None
+    holes: tuple[tuple[tuple[float, float], ...], ...] = ()
+    thickness: float | None = None
+    attributes: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class ConceptNode:
+    """A node of the S-Graph: one room, one wall, one of whatever a concept describes.
+
+    Attributes:
+        id: unique within its concept, stable over re-inference.
+        members: ids of what the concept groups (wall surfaces, or another concept's nodes).
+        name: what a person calls it, if anyone does.
+        shape: its geometry, as far as known.
+        confidence: probability from 0 to 1, where known.
+    """
+
+    id: int
+    members: tuple[int, ...]
+    name: str | None = None
+    shape: NodeShape = field(default_factory=NodeShape)
+    confidence: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class FactorContext:
+    """What a node's factors may refer to.
+
+    Attributes:
+        plane_keys: gtsam key of each member's plane; a surface that no keyframe observed has none.
+        planes: the same planes in the world, nx, ny, nz, d with n.x + d = 0, [4] each.
+        segments: endpoints of the same surfaces, [2, 2] each.
+        nodes: all nodes of the concept.
+        new_key: key of the node's own variable of the given number, counted from 0.
+    """
+
+    plane_keys: Mapping[int, int]
+    planes: Mapping[int, FloatArray]
+    segments: Mapping[int, FloatArray]
+    nodes: Sequence[ConceptNode]
+    new_key: Callable[[int], int]
+
+
+@dataclass(frozen=True)
+class FactorResult:
+    """What a node puts into a factor graph.
+
+    Attributes:
+        factors: gtsam factors.
+        values: initial values of the node's own variables: (key, gtsam value).
+    """
+
+    factors: Sequence[Any] = ()
+    values: Sequence[tuple[int, Any]] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class BuildingTruth:
+    """A synthetic building as a labeller sees it.
+
+    Attributes:
+        surfaces: the surfaces as preprocessing left them, N rows.
+        rooms: room of each row as an index into ``polygons``, -1 for none, [N].
+        polygons: outline of each room's free space, [K_r, 2] each.
+        walls: pairs of rows, first below second, that are the two sides of one wall, [W, 2].
+    """
+
+    surfaces: SurfaceArrays
+    rooms: IntArray
+    polygons: Sequence[FloatArray]
+    walls: IntArray
