@@ -1,0 +1,409 @@
+"""Reading and writing `sgraph-map` JSON files without loss."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from sgraph_concepts.errors import MapFileError
+from sgraph_concepts.spec import WALL_SURFACE
+from sgraph_concepts.types import ConceptNode, FloatArray, NodeShape
+from sgraph_core.files import write_whole
+from sgraph_core.graph import Pins, SGraph, TrueRoom, Truth
+from sgraph_core.map_schema import (
+    FORMAT,
+    UNITS,
+    VERSION,
+    ConceptRecord,
+    MapRecord,
+    PinsRecord,
+    TruthRecord,
+)
+from sgraph_core.tables import RowError
+
+__all__ = ["dump", "load", "parse", "save", "schema"]
+
+PAIR_CONCEPTS = {"wall"}
+"""Concepts whose nodes have exactly two members by the format's definition."""
+SURFACE_CONCEPTS = {"room", "wall"}
+"""Concepts whose members are wall surfaces by the format's definition."""
+
+
+def load(path: str | Path) -> SGraph:
+    """Read a map file.
+
+    Raises:
+        MapFileError: the file cannot be read or breaks a rule of the format; the error names the
+            file, the place inside it, the value and the rule.
+    """
+    try:
+        data = Path(path).read_bytes()
+    except OSError as error:
+        raise MapFileError(path, "", None, f"cannot be read: {error.strerror}") from error
+    return parse(data, path)
+
+
+def save(graph: SGraph, path: str | Path) -> None:
+    """Write a map file, whole or not at all.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    text = dump(graph)
+    write_whole(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+
+
+def schema() -> dict[str, Any]:
+    """Return the JSON Schema of the map file."""
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **MapRecord.model_json_schema(),
+    }
+
+
+# -- reading ---------------------------------------------------------------------------------------
+
+
+def parse(data: bytes, path: str | Path = "map") -> SGraph:
+    """Return the S-Graph that a map file's bytes describe; ``path`` is for error texts only.
+
+    Raises:
+        MapFileError: see :func:`load`.
+    """
+    document = _parse_json(data, path)
+    try:
+        record = MapRecord.model_validate(document)
+    except ValidationError as error:
+        raise _first_problem(error, document, path) from error
+    graph = SGraph(record.name)
+    _read_tables(graph, record, path)
+    known = {int(i) for i in graph.wall_surfaces.ids}
+    if record.concepts is not None:
+        graph.concepts = dict(_read_concepts(record.concepts, known, path))
+    if record.pins is not None:
+        graph.pins = _read_pins(record.pins, known, path)
+    if record.truth is not None:
+        graph.truth = _read_truth(record.truth, known, path)
+    return graph
+
+
+def _parse_json(data: bytes, path: str | Path) -> Any:
+    if not data.strip():
+        raise MapFileError(path, "", None, "is empty")
+
+    def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        keys = Counter(key for key, _ in pairs)
+        for key, count in keys.items():
+            if count > 1:
+                raise MapFileError(path, "", key, "key occurs twice in one object")
+        return dict(pairs)
+
+    def refuse(constant: str) -> Any:
+        raise MapFileError(path, "", constant, "numbers must be finite")
+
+    try:
+        text = data.decode("utf-8-sig")
+        return json.loads(text, object_pairs_hook=unique, parse_constant=refuse)
+    except UnicodeDecodeError as error:
+        raise MapFileError(path, f"byte {error.start}", None, "is not UTF-8 text") from error
+    except json.JSONDecodeError as error:
+        place = f"line {error.lineno} column {error.colno}"
+        raise MapFileError(path, place, None, f"is not JSON: {error.msg}") from error
+    except RecursionError:
+        raise MapFileError(path, "", None, "is nested too deeply") from None
+    except ValueError as error:  # an integer of more digits than Python converts
+        raise MapFileError(path, "", None, f"is not JSON: {error}") from error
+
+
+def _first_problem(error: ValidationError, document: Any, path: str | Path) -> MapFileError:
+    problem = error.errors(include_url=False)[0]
+    steps = _real_steps(problem["loc"], document)
+    place = "".join(f"[{s}]" if isinstance(s, int) else f".{s}" for s in steps).removeprefix(".")
+    rules = {
+        "extra_forbidden": "unknown key",
+        "missing": "is required",
+        "model_type": "must be an object",
+        "model_attributes_type": "must be an object",
+    }
+    kind, message = problem["type"], problem["msg"]
+    rule = rules.get(kind, message.replace("Input should be", "must be"))
+    return MapFileError(path, place, None if kind == "missing" else _value(problem["input"]), rule)
+
+
+def _real_steps(location: Sequence[int | str], document: Any) -> Iterator[int | str]:
+    """Drop the steps that pydantic adds for unions: they are not in the document."""
+    for k, step in enumerate(location):
+        last = k == len(location) - 1
+        if isinstance(document, dict) and (step in document or last):
+            document = document.get(str(step))
+        elif isinstance(document, list) and isinstance(step, int):
+            document = document[step] if step < len(document) else None
+        else:
+            continue
+        yield step
+
+
+def _value(value: Any) -> str:
+    return json.dumps(value, default=str)
+
+
+def _read_tables(graph: SGraph, record: MapRecord, path: str | Path) -> None:
+    keyframes, odometry = record.keyframes or [], record.odometry or []
+    surfaces = record.wall_surfaces
+    seen = [(k, i, o) for k, s in enumerate(surfaces) for i, o in enumerate(s.observations or [])]
+
+    def ids(values: list[int]) -> Any:
+        return np.array(values, np.int64)
+
+    def table(rows: list[Any], *shape: int) -> FloatArray:
+        return np.array(rows, np.float64).reshape(len(rows), *shape)
+
+    try:
+        graph.extend_keyframes(
+            ids([k.id for k in keyframes]),
+            table([k.pose for k in keyframes], 7),
+            table([np.nan if k.stamp is None else k.stamp for k in keyframes]),
+        )
+        graph.extend_odometry(
+            ids([o.from_ for o in odometry]),
+            ids([o.to for o in odometry]),
+            table([o.pose for o in odometry], 7),
+            table([o.sigmas for o in odometry], 6),
+        )
+        graph.extend_wall_surfaces(
+            ids([s.id for s in surfaces]),
+            table([s.segment for s in surfaces], 2, 2),
+            table([s.normal for s in surfaces], 2),
+            table([s.z or (np.nan, np.nan) for s in surfaces], 2),
+        )
+        graph.extend_observations(
+            ids([surfaces[k].id for k, _, _ in seen]),
+            ids([o.keyframe for _, _, o in seen]),
+            table([o.plane for _, _, o in seen], 4),
+            table([o.sigmas for _, _, o in seen], 2),
+        )
+    except RowError as error:
+        place = f"{error.table}[{error.row}].{error.field}"
+        if error.table == "observations":
+            surface, observation, _ = seen[error.row]
+            place = f"wall_surfaces[{surface}].observations[{observation}].{error.field}"
+        raise MapFileError(path, place, _value(error.value), error.rule) from error
+
+
+def _read_concepts(
+    records: Mapping[str, list[ConceptRecord]], surfaces: set[int], path: str | Path
+) -> Iterator[tuple[str, list[ConceptNode]]]:
+    nodes = {record.id for concept in records.values() for record in concept}
+    for concept, group in records.items():
+        place = f"concepts.{concept}"
+        _refuse_repeats([record.id for record in group], "id", place, path)
+        known = surfaces if concept in SURFACE_CONCEPTS else surfaces | nodes
+        for k, record in enumerate(group):
+            members = f"{place}[{k}].members"
+            _refuse_unknown(record.members, known, members, path)
+            if len(set(record.members)) != len(record.members):
+                raise MapFileError(path, members, _value(record.members), "must be unique")
+            if concept in PAIR_CONCEPTS and len(record.members) != 2:
+                rule = f"a {concept} has exactly two members"
+                raise MapFileError(path, members, _value(record.members), rule)
+        yield concept, [_node(record) for record in group]
+
+
+def _node(record: ConceptRecord) -> ConceptNode:
+    shape = NodeShape(
+        record.centre,
+        None if record.polygon is None else _ring(record.polygon),
+        tuple(_ring(hole) for hole in record.holes or []),
+        record.thickness,
+        record.attributes or {},
+    )
+    return ConceptNode(record.id, tuple(record.members), record.name, shape, record.confidence)
+
+
+def _ring(points: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
+    closed = len(points) > 3 and points[0] == points[-1]
+    return tuple(points[:-1] if closed else points)
+
+
+def _read_pins(record: PinsRecord, surfaces: set[int], path: str | Path) -> Pins:
+    for name in ("same_room", "not_same_room"):
+        for k, pair in enumerate(getattr(record, name) or []):
+            _refuse_unknown(pair, surfaces, f"pins.{name}[{k}]", path)
+            if pair[0] == pair[1]:
+                raise MapFileError(path, f"pins.{name}[{k}]", _value(pair), "must be two surfaces")
+    for key in record.room_names or {}:
+        if not key.isdecimal() or str(int(key)) != key:
+            raise MapFileError(path, "pins.room_names", _value(key), "key must be a room id")
+    return Pins(
+        tuple(record.same_room or ()),
+        tuple(record.not_same_room or ()),
+        {int(key): name for key, name in (record.room_names or {}).items()},
+    )
+
+
+def _read_truth(record: TruthRecord, surfaces: set[int], path: str | Path) -> Truth:
+    rooms, walls = record.rooms or [], record.walls or []
+    for k, room in enumerate(rooms):
+        _refuse_unknown(room.members, surfaces, f"truth.rooms[{k}].members", path)
+        _refuse_repeats(room.members, "members", f"truth.rooms[{k}]", path)
+    for k, wall in enumerate(walls):
+        _refuse_unknown(wall, surfaces, f"truth.walls[{k}]", path)
+        if wall[0] == wall[1]:
+            raise MapFileError(path, f"truth.walls[{k}]", _value(wall), "must be two surfaces")
+    return Truth(
+        tuple(
+            TrueRoom(
+                room.id,
+                room.name,
+                tuple(room.members),
+                None if room.polygon is None else _ring(room.polygon),
+            )
+            for room in rooms
+        ),
+        tuple(walls),
+    )
+
+
+def _refuse_unknown(members: Sequence[int], known: set[int], place: str, path: str | Path) -> None:
+    for k, member in enumerate(members):
+        if member not in known:
+            raise MapFileError(
+                path, f"{place}[{k}]", member, f"must be the id of a {WALL_SURFACE} or node"
+            )
+
+
+def _refuse_repeats(ids: Sequence[int], name: str, place: str, path: str | Path) -> None:
+    for value, count in Counter(ids).items():
+        if count > 1:
+            raise MapFileError(path, f"{place}: {name}", value, "must be unique")
+
+
+# -- writing ---------------------------------------------------------------------------------------
+
+
+def dump(graph: SGraph) -> str:
+    """Return the map file's text: one record a line, so that versions can be compared."""
+    lines = []
+    for key, value in _document(graph).items():
+        if isinstance(value, list) and value:
+            rows = ",\n".join(f"  {_json(row)}" for row in value)
+            lines.append(f" {_json(key)}: [\n{rows}\n ]")
+        elif isinstance(value, dict) and value:
+            groups = []
+            for name, rows in value.items():
+                if isinstance(rows, list) and rows and isinstance(rows[0], dict):
+                    body = ",\n".join(f"   {_json(row)}" for row in rows)
+                    groups.append(f"  {_json(name)}: [\n{body}\n  ]")
+                else:
+                    groups.append(f"  {_json(name)}: {_json(rows)}")
+            joined = ",\n".join(groups)
+            lines.append(f" {_json(key)}: {{\n{joined}\n }}")
+        else:
+            lines.append(f" {_json(key)}: {_json(value)}")
+    return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def _json(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False, allow_nan=False)
+
+
+def _document(graph: SGraph) -> dict[str, Any]:
+    document: dict[str, Any] = {"format": FORMAT, "version": VERSION, "units": UNITS}
+    if graph.name is not None:
+        document["name"] = graph.name
+    if len(graph.keyframes.ids):
+        document["keyframes"] = list(_keyframe_records(graph))
+    if len(graph.odometry.from_ids):
+        document["odometry"] = list(_odometry_records(graph))
+    document["wall_surfaces"] = list(_surface_records(graph))
+    if graph.concepts:
+        document["concepts"] = {
+            concept: [_node_record(node) for node in nodes]
+            for concept, nodes in graph.concepts.items()
+        }
+    if graph.pins is not None:
+        document["pins"] = _without_empty(
+            same_room=[list(pair) for pair in graph.pins.same_room],
+            not_same_room=[list(pair) for pair in graph.pins.not_same_room],
+            room_names={str(key): name for key, name in graph.pins.room_names.items()},
+        )
+    if graph.truth is not None:
+        document["truth"] = {
+            "rooms": [
+                {
+                    **({} if room.id is None else {"id": room.id}),
+                    **({} if room.name is None else {"name": room.name}),
+                    "members": list(room.members),
+                    **({} if room.polygon is None else {"polygon": _points(room.polygon)}),
+                }
+                for room in graph.truth.rooms
+            ],
+            "walls": [list(wall) for wall in graph.truth.walls],
+        }
+    return document
+
+
+def _without_empty(**entries: Any) -> dict[str, Any]:
+    return {key: value for key, value in entries.items() if value}
+
+
+def _keyframe_records(graph: SGraph) -> Iterator[dict[str, Any]]:
+    table = graph.keyframes
+    for i, pose, stamp in zip(
+        table.ids.tolist(), table.poses.tolist(), table.stamps.tolist(), strict=True
+    ):
+        yield {"id": i, "pose": pose, **({} if np.isnan(stamp) else {"stamp": stamp})}
+
+
+def _odometry_records(graph: SGraph) -> Iterator[dict[str, Any]]:
+    table = graph.odometry
+    columns = (table.from_ids, table.to_ids, table.poses, table.sigmas)
+    for one, two, pose, sigmas in zip(*(column.tolist() for column in columns), strict=True):
+        yield {"from": one, "to": two, "pose": pose, "sigmas": sigmas}
+
+
+def _surface_records(graph: SGraph) -> Iterator[dict[str, Any]]:
+    table, seen = graph.wall_surfaces, graph.observations
+    observations: dict[int, list[dict[str, Any]]] = {}
+    columns = (seen.surface_ids, seen.keyframe_ids, seen.planes, seen.sigmas)
+    for i, keyframe, plane, sigmas in zip(*(column.tolist() for column in columns), strict=True):
+        observations.setdefault(i, []).append(
+            {"keyframe": keyframe, "plane": plane, "sigmas": sigmas}
+        )
+    rows = (table.ids, table.segments, table.normals, table.heights)
+    for i, segment, normal, height in zip(*(column.tolist() for column in rows), strict=True):
+        yield {
+            "id": i,
+            "segment": segment,
+            "normal": normal,
+            **({} if np.isnan(height).any() else {"z": height}),
+            **({"observations": observations[i]} if i in observations else {}),
+        }
+
+
+def _node_record(node: ConceptNode) -> dict[str, Any]:
+    shape = node.shape
+    optional = {
+        "centre": None if shape.centre is None else list(shape.centre),
+        "polygon": None if shape.polygon is None else _points(shape.polygon),
+        "holes": [_points(hole) for hole in shape.holes] or None,
+        "thickness": shape.thickness,
+        "confidence": node.confidence,
+        "attributes": dict(shape.attributes) or None,
+    }
+    return {
+        "id": node.id,
+        **({} if node.name is None else {"name": node.name}),
+        "members": list(node.members),
+        **{key: value for key, value in optional.items() if value is not None},
+    }
+
+
+def _points(ring: Sequence[tuple[float, float]]) -> list[list[float]]:
+    return [list(point) for point in ring]
