@@ -1,0 +1,22 @@
+"""Walls: the two sides of one wall body."""
+
+from sgraph_concepts import ConceptSpec, HeadSpec, Registrar, hookimpl
+
+WALL = ConceptSpec(
+    name="wall",
+    relation="same_wall",
+    description="The two opposed surfaces of one wall.",
+    head=HeadSpec(weights="wall.onnx", encoder="1"),
+    baseline="sgraph_plugins.wall.baseline:score",
+    clusterer="sgraph_plugins.wall.cluster:cluster",
+    shape="sgraph_plugins.wall.shape:shape",
+    factor="sgraph_plugins.wall.factor:factors",
+    labeller="sgraph_plugins.wall.labeller:label",
+    exclusive=False,
+)
+
+
+@hookimpl
+def sgraph_register(registry: Registrar) -> None:
+    """Declare the wall."""
+    registry.add(WALL)

@@ -1,0 +1,64 @@
+"""What a wall tells the factor graph: its two sides are parallel, at the wall's thickness.
+
+Thickness must come from somewhere else than the two planes themselves, or the tie would only repeat
+the map's own error: it is the median of the walls that a building evidently builds alike. A wall
+that is like no others gets its sides held parallel, and nothing more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sgraph_concepts.types import ConceptNode, FactorContext, FactorResult
+from sgraph_core.backend.ties import TieNoise, tie_planes
+
+__all__ = ["factors", "typical_thickness"]
+
+ANGLE_SIGMA_RAD = 0.01
+LEAST_SIGMA_M = 0.015
+FREE_SIGMA_M = 10.0
+"""Of the thickness of a wall that is like no others."""
+ALIKE_M = 0.04
+"""Walls whose mapped thicknesses differ by no more are counted as built alike."""
+FEWEST_ALIKE = 3
+LEAST_CONFIDENCE = 0.1
+"""A node's confidence divides the variance of its factors, down to this."""
+
+
+def factors(node: ConceptNode, context: FactorContext) -> FactorResult:
+    """Return the factors of one wall; none unless both sides were observed."""
+    if len(context.plane_keys) < 2 or node.shape.centre is None or node.shape.thickness is None:
+        return FactorResult()
+    one, two = node.members
+    normal = context.planes[one][:2] - context.planes[two][:2]
+    size = float(np.linalg.norm(normal))
+    if size < 1.0:  # the sides do not face opposite ways: no wall
+        return FactorResult()
+    thickness, sigma = typical_thickness(node, context.nodes)
+    sure = 1.0 if node.confidence is None else max(node.confidence, LEAST_CONFIDENCE)
+    doubt = 1 / np.sqrt(sure)
+    return tie_planes(
+        (context.plane_keys[one], context.plane_keys[two]),
+        context.new_key(0),
+        np.array(node.shape.centre),
+        normal / size,
+        thickness,
+        TieNoise(ANGLE_SIGMA_RAD * doubt, sigma * doubt),
+    )
+
+
+def typical_thickness(node: ConceptNode, walls: Sequence[ConceptNode]) -> tuple[float, float]:
+    """Return the thickness that a wall should have, and its standard deviation, in metres.
+
+    The walls within 4 cm of this one's mapped thickness are its group, this one included.
+    """
+    own = node.shape.thickness or 0.0
+    known = np.array([w.shape.thickness for w in walls if w.shape.thickness is not None])
+    group = known[np.abs(known - own) <= ALIKE_M]
+    if len(group) < FEWEST_ALIKE:
+        return own, FREE_SIGMA_M
+    typical = float(np.median(group))
+    spread = 1.4826 * float(np.median(np.abs(group - typical)))
+    return typical, max(spread, LEAST_SIGMA_M)

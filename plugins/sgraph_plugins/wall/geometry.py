@@ -1,0 +1,77 @@
+"""How two surfaces lie back to back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgraph_concepts.types import FloatArray, IntArray, SurfaceArrays
+from sgraph_core.geometry import dot, in_frames
+
+__all__ = ["BackToBack", "back_to_back"]
+
+
+@dataclass(frozen=True, eq=False)
+class BackToBack:
+    """P pairs of surfaces, seen along the direction halfway between theirs.
+
+    Attributes:
+        opposed: cosine of the angle between one normal and the other reversed, [P].
+        overlap: length along which the two lie side by side, negative for a gap, [P].
+        thickness: distance from one to the other through the wall body at the middle of the
+            overlap, negative where they face each other, [P].
+        centres: that middle, halfway between the two, [P, 2].
+    """
+
+    opposed: FloatArray
+    overlap: FloatArray
+    thickness: FloatArray
+    centres: FloatArray
+
+    def physical(self, thickest_m: float, least_overlap_m: float) -> NDArray[np.bool_]:
+        """Return which pairs can be the sides of a wall of at most this thickness, [P]."""
+        return np.asarray(
+            (self.opposed > OPPOSED)
+            & (self.overlap >= least_overlap_m)
+            & (self.thickness > THINNEST_M)
+            & (self.thickness <= thickest_m)
+        )
+
+
+OPPOSED = np.cos(np.radians(20.0))
+THINNEST_M = -0.05
+"""Noise may let the sides of a thin wall cross."""
+
+
+def back_to_back(surfaces: SurfaceArrays, one: IntArray, two: IntArray) -> BackToBack:
+    """Return how the surfaces in rows ``one`` lie behind those in rows ``two``, [P] each."""
+    normals = surfaces.normals
+    axis = normals[one] - normals[two]
+    size = np.linalg.norm(axis, axis=1)
+    axis = np.where(size[:, None] > 1e-6, axis / np.maximum(size, 1e-6)[:, None], normals[one])
+    tangent = np.stack([-axis[:, 1], axis[:, 0]], axis=1)
+    middle = (surfaces.midpoints[one] + surfaces.midpoints[two]) / 2
+
+    def interval(rows: IntArray) -> tuple[FloatArray, FloatArray]:
+        reach = dot(surfaces.segments[rows] - middle[:, None], tangent[:, None])
+        return np.minimum(reach[:, 0], reach[:, 1]), np.maximum(reach[:, 0], reach[:, 1])
+
+    (low_one, high_one), (low_two, high_two) = interval(one), interval(two)
+    low, high = np.maximum(low_one, low_two), np.minimum(high_one, high_two)
+    centre = middle + ((low + high) / 2)[:, None] * tangent
+
+    def depth(rows: IntArray) -> FloatArray:
+        """Return how far the centre lies in front of a surface, measured along the axis."""
+        _, in_front = in_frames(surfaces, rows, centre[:, None])
+        slant = dot(normals[rows], axis)
+        return in_front[:, 0] / np.where(np.abs(slant) > 0.1, slant, np.inf)
+
+    behind_one, behind_two = -depth(one), depth(two)
+    return BackToBack(
+        opposed=-dot(normals[one], normals[two]),
+        overlap=high - low,
+        thickness=behind_one + behind_two,
+        centres=centre + ((behind_one - behind_two) / 2)[:, None] * axis,
+    )

@@ -1,0 +1,204 @@
+"""The detector: from wall surfaces to the nodes of every concept."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sgraph_concepts.errors import ConceptError
+from sgraph_concepts.registry import RegisteredConcept, Registry
+from sgraph_concepts.spec import WALL_SURFACE
+from sgraph_concepts.types import (
+    Cluster,
+    ConceptNode,
+    FloatArray,
+    IntArray,
+    NodeShape,
+    Scene,
+    ScoredEdges,
+)
+from sgraph_core.concepts import installed
+from sgraph_core.graph import SGraph
+from sgraph_core.network.runtime import Network
+from sgraph_core.nodes import keep_identity
+from sgraph_core.preprocess import Fragments, preprocess
+from sgraph_core.proximity import build_scene
+
+__all__ = ["Detector", "Scorer"]
+
+Scorer = Literal["network", "baseline"]
+"""Who scores the relations: the trained network, or each concept's rule without learning."""
+
+
+class Detector:
+    """Infers concepts; keeps the loaded network, so that SLAM code can call it at every keyframe.
+
+    Args:
+        registry: the concepts; the installed ones by default.
+        scorer: ``network`` or ``baseline``. A concept without a head uses its baseline in any case.
+        clusterers: other clusterers than the declared ones, by concept: a built-in name or
+            ``package.module:function``.
+    """
+
+    def __init__(
+        self,
+        registry: Registry | None = None,
+        scorer: Scorer = "network",
+        clusterers: Mapping[str, str] | None = None,
+    ) -> None:
+        self.registry = installed() if registry is None else registry
+        self.scorer = scorer
+        self.clusterers = dict(clusterers or {})
+        for name in self.clusterers:
+            self.registry[name]  # raises if there is none
+
+    @cached_property
+    def network(self) -> Network:
+        """The shared encoder and the heads, loaded on first use."""
+        return Network()
+
+    def infer(self, graph: SGraph, concepts: Sequence[str] | None = None) -> SGraph:
+        """Return a copy of an S-Graph with its concepts inferred anew.
+
+        The steps are the paper's: preprocess, relate neighbours, encode once, and for each concept
+        score, cluster and describe. Nodes that the graph already holds give their ids and names
+        to those they persist in. Concepts that are not asked for stay as they are.
+
+        Args:
+            graph: the S-Graph; it is not changed, and its truth is not read.
+            concepts: names of the concepts to infer, together with what they group; all by default.
+
+        Raises:
+            ConceptError: a concept is unknown, or one of its parts returned nonsense.
+            WeightsError: the network's weights cannot be used.
+        """
+        result = graph.copy()
+        fragments = preprocess(graph.wall_surfaces.ordered())
+        run = _Run(self, fragments, build_scene(fragments.surfaces))
+        for concept in self.registry.select(None if concepts is None else list(concepts)):
+            name, groups = concept.spec.name, concept.spec.groups
+            nodes = run.nodes(concept, result.concepts.get(groups, []))
+            names = graph.pins.room_names if graph.pins and name == "room" else {}
+            result.concepts[name] = keep_identity(nodes, graph.concepts.get(name, []), names)
+            if groups != WALL_SURFACE:
+                result.groups[name] = groups
+        return result
+
+    def score(self, concept: RegisteredConcept, scene: Scene) -> ScoredEdges:
+        """Return a concept's relation over the pairs of a scene of wall surfaces."""
+        return _Run(self, Fragments(scene.surfaces), scene).score(concept, scene)
+
+
+class _Run:
+    """One inference: the scene, and what is computed from it once for all concepts."""
+
+    def __init__(self, detector: Detector, fragments: Fragments, scene: Scene) -> None:
+        self._detector = detector
+        self._fragments = fragments
+        self._scene = scene
+
+    @cached_property
+    def _embeddings(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        return self._detector.network.encode(self._scene)
+
+    def nodes(
+        self, concept: RegisteredConcept, grouped: Sequence[ConceptNode]
+    ) -> list[ConceptNode]:
+        """Return the concept's nodes, with ids yet to be decided."""
+        groups_surfaces = concept.spec.groups == WALL_SURFACE
+        scene = self._scene if groups_surfaces else _scene_of_nodes(grouped, self._scene)
+        edges = self.score(concept, scene)
+        nodes: dict[tuple[int, ...], ConceptNode] = {}
+        for cluster in self._cluster(concept, edges, scene):
+            rows = np.array(cluster.members, np.int64)
+            if groups_surfaces:
+                members = self._fragments.parents(rows)
+            else:
+                members = tuple(sorted(grouped[row].id for row in cluster.members))
+            known = nodes.get(members)
+            if members and (known is None or (known.confidence or 0) < cluster.confidence):
+                shape = self._shape(concept, rows, scene)
+                nodes[members] = ConceptNode(0, members, None, shape, cluster.confidence)
+        return list(nodes.values())
+
+    def score(self, concept: RegisteredConcept, scene: Scene) -> ScoredEdges:
+        name = concept.spec.name
+        if not len(scene.pairs):
+            return ScoredEdges(scene.pairs, np.empty(0))
+        learned = self._detector.scorer == "network" and concept.spec.head is not None
+        if learned and not scene.nodes:
+            return self._detector.network.score(concept, scene, self._embeddings)
+        logits = np.asarray(self._detector.registry.part(name, "baseline")(scene), np.float64)
+        if logits.shape != (len(scene.pairs),) or not np.isfinite(logits).all():
+            raise ConceptError(
+                f"baseline of concept {name!r} must return {len(scene.pairs)} finite log-odds"
+            )
+        return ScoredEdges(scene.pairs, logits)
+
+    def _cluster(
+        self, concept: RegisteredConcept, edges: ScoredEdges, scene: Scene
+    ) -> list[Cluster]:
+        name = concept.spec.name
+        find = self._detector.registry.part(name, "clusterer", self._detector.clusterers.get(name))
+        clusters: list[Cluster] = list(find(edges, scene))
+        rows = [row for cluster in clusters for row in cluster.members]
+        total = len(scene.nodes) or len(scene.surfaces)
+        if any(not 0 <= row < total for row in rows):
+            raise ConceptError(f"clusterer of concept {name!r} returned a row that does not exist")
+        if concept.spec.exclusive and len(set(rows)) != len(rows):
+            raise ConceptError(
+                f"clusterer of concept {name!r} put a row into two clusters, "
+                "but the concept is declared exclusive"
+            )
+        return clusters
+
+    def _shape(self, concept: RegisteredConcept, rows: IntArray, scene: Scene) -> NodeShape:
+        if concept.spec.shape is None:
+            return _at(_middle(rows, scene), scene.origin)
+        describe = self._detector.registry.part(concept.spec.name, "shape")
+        shape = describe(rows, scene)
+        if not isinstance(shape, NodeShape):
+            raise ConceptError(f"shape of concept {concept.spec.name!r} must return a NodeShape")
+        return _at(shape, scene.origin)
+
+
+def _scene_of_nodes(nodes: Sequence[ConceptNode], scene: Scene) -> Scene:
+    """Return the scene in which a concept relates another concept's nodes: all pairs of them."""
+    one, two = np.triu_indices(len(nodes), k=1)
+    centres = np.array([node.shape.centre or (np.nan, np.nan) for node in nodes]).reshape(-1, 2)
+    distances = np.linalg.norm(centres[one] - centres[two], axis=1)
+    pairs = np.stack([one, two], axis=1).astype(np.int64)
+    local = [replace(node, shape=_at(node.shape, -scene.origin)) for node in nodes]
+    return Scene(scene.surfaces, scene.origin, pairs, distances, np.empty((len(pairs), 0)), local)
+
+
+def _middle(rows: IntArray, scene: Scene) -> NodeShape:
+    if scene.nodes:
+        points = [scene.nodes[row].shape.centre for row in rows]
+        known = np.array([point for point in points if point is not None]).reshape(-1, 2)
+    else:
+        known = scene.surfaces.midpoints[rows]
+    if not len(known):
+        return NodeShape()
+    x, y = known.mean(axis=0).tolist()
+    return NodeShape(centre=(x, y))
+
+
+def _at(shape: NodeShape, origin: FloatArray) -> NodeShape:
+    """Return a shape moved by the scene's origin."""
+    x, y = origin.tolist()
+
+    def ring(points: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
+        return tuple((px + x, py + y) for px, py in points)
+
+    return replace(
+        shape,
+        centre=None if shape.centre is None else ring([shape.centre])[0],
+        polygon=None if shape.polygon is None else ring(shape.polygon),
+        holes=tuple(ring(hole) for hole in shape.holes),
+    )

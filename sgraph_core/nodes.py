@@ -1,0 +1,60 @@
+"""Nodes keep their ids and names when a map is inferred again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sgraph_concepts.types import ConceptNode
+
+__all__ = ["keep_identity"]
+
+SHARED = 0.5
+"""An old node persists in a new one if they share this part of the smaller one's members."""
+
+
+def keep_identity(
+    new: Sequence[ConceptNode], old: Sequence[ConceptNode], names: Mapping[int, str]
+) -> list[ConceptNode]:
+    """Give new nodes the ids and names of the old ones that persist in them.
+
+    Old and new nodes are matched one to one so that they share the most members. Nodes without a
+    match get ids above all old ones, in the order of their members; an id is not used again.
+
+    Args:
+        new: nodes whose ids are not yet decided.
+        old: the concept's nodes before.
+        names: names decided by a person, by node id; they win over old ones.
+
+    Returns:
+        The new nodes by id.
+    """
+    ordered = sorted(new, key=lambda node: node.members)
+    inherited = _matches(ordered, old)
+    free = max((node.id for node in old), default=-1) + 1
+    result = []
+    for k, node in enumerate(ordered):
+        before = inherited.get(k)
+        node_id = free if before is None else before.id
+        free += before is None
+        name = names.get(node_id, node.name if before is None else before.name)
+        result.append(replace(node, id=node_id, name=name))
+    return sorted(result, key=lambda node: node.id)
+
+
+def _matches(new: Sequence[ConceptNode], old: Sequence[ConceptNode]) -> dict[int, ConceptNode]:
+    if not new or not old:
+        return {}
+    from scipy.optimize import linear_sum_assignment
+
+    before = [set(node.members) for node in old]
+    shared = np.array([[len(b.intersection(node.members)) for b in before] for node in new])
+    rows, columns = linear_sum_assignment(-shared)
+    return {
+        int(row): old[column]
+        for row, column in zip(rows, columns, strict=True)
+        if shared[row, column]
+        and shared[row, column] >= SHARED * min(len(before[column]), len(new[row].members))
+    }
