@@ -1,0 +1,183 @@
+"""A synthetic building: its map, and its truth for every labeller."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.random import Generator
+
+from sgraph_concepts.errors import InputError
+from sgraph_concepts.types import BuildingTruth, FloatArray, IntArray, SurfaceArrays
+from sgraph_core.geometry import lines_of, points_of
+from sgraph_core.graph import SGraph, TrueRoom, Truth
+from sgraph_core.synth.config import BuildingConfig
+from sgraph_core.synth.plan import draw_plan
+from sgraph_core.synth.polygons import turn_left
+from sgraph_core.synth.surfaces import NO_ROOM, Pieces, draw_surfaces
+from sgraph_core.synth.view import add_noise, draw_view, join_through
+from sgraph_core.synth.walls import wall_gaps
+
+__all__ = ["Building", "draw_building"]
+
+FEWEST_SURFACES = 3
+MOST_ATTEMPTS = 50
+
+
+@dataclass(frozen=True, eq=False)
+class Building:
+    """A mapped floor with its truth.
+
+    Attributes:
+        segments, normals: the N mapped surfaces, [N, 2, 2] and [N, 2].
+        pieces: the pieces that the surfaces consist of: one, or several rooms' pieces that were
+            mapped as one surface.
+        owners: the surface of each piece, [P].
+        polygons: outline of each room's free space, [K_r, 2] each.
+        walls: pairs of surfaces that are the two sides of one wall, first below second, [W, 2].
+    """
+
+    segments: FloatArray
+    normals: FloatArray
+    pieces: Pieces
+    owners: IntArray
+    polygons: list[FloatArray]
+    walls: IntArray
+
+    def graph(self, name: str) -> SGraph:
+        """Return the map as an S-Graph that carries its truth."""
+        graph = SGraph(name)
+        ids = np.arange(len(self.segments))
+        unknown = np.full((len(ids), 2), np.nan)
+        graph.extend_wall_surfaces(ids, self.segments, self.normals, unknown)
+        rooms = []
+        for number, polygon in enumerate(self.polygons):
+            members = np.unique(self.owners[self.pieces.rooms == number])
+            if len(members):
+                outline = tuple((float(x), float(y)) for x, y in polygon)
+                rooms.append(TrueRoom(number, None, tuple(members.tolist()), outline))
+        graph.truth = Truth(tuple(rooms), tuple((int(a), int(b)) for a, b in self.walls))
+        return graph
+
+    def truth(self, fragments: SurfaceArrays) -> BuildingTruth:
+        """Return the truth of the building's surfaces after preprocessing.
+
+        A fragment belongs to the room of the piece of its parent that is closest to its midpoint.
+        """
+        piece_lines = lines_of(self.pieces.segments)
+        middles = points_of(fragments.midpoints)
+        rooms = np.full(len(fragments), NO_ROOM)
+        for row, parent in enumerate(fragments.ids):
+            own = np.flatnonzero(self.owners == parent)
+            nearest = own[np.argmin(shapely.distance(piece_lines[own], middles[row]))]
+            rooms[row] = self.pieces.rooms[nearest]
+        rows_of: dict[int, list[int]] = {}
+        for row, parent in enumerate(fragments.ids.tolist()):
+            rows_of.setdefault(parent, []).append(row)
+        walls = [
+            sorted((a, b))
+            for one, two in self.walls.tolist()
+            for a in rows_of.get(one, [])
+            for b in rows_of.get(two, [])
+        ]
+        pairs = np.array(walls, np.int64).reshape(-1, 2)
+        return BuildingTruth(fragments, rooms, self.polygons, pairs)
+
+
+def draw_building(rng: Generator, config: BuildingConfig) -> Building:
+    """Draw a building of at least three mapped surfaces.
+
+    Raises:
+        InputError: the configuration practically never yields one.
+    """
+    for _ in range(MOST_ATTEMPTS):
+        rooms = draw_plan(rng, config.plan)
+        if not rooms:
+            continue
+        pieces = draw_view(draw_surfaces(rooms, rng, config.fittings), rng, config.view)
+        if len(pieces) >= FEWEST_SURFACES:
+            polygons = [shapely.get_coordinates(room.exterior)[:-1] for room in rooms]
+            building = _map(pieces, polygons, rng, config)
+            if len(building.segments) >= FEWEST_SURFACES:
+                return building
+    raise InputError(f"no building came out of {MOST_ATTEMPTS} attempts: check the configuration")
+
+
+def _map(
+    pieces: Pieces, polygons: list[FloatArray], rng: Generator, config: BuildingConfig
+) -> Building:
+    """Turn pieces into mapped surfaces, in a random place and order."""
+    placement = _Placement.draw(rng)
+    gaps = wall_gaps(pieces.segments, pieces.normals)
+    structural = pieces.structural[gaps.one] & pieces.structural[gaps.two]
+    sides = np.stack([gaps.one, gaps.two], axis=1)[structural]
+    owners = join_through(pieces, rng, rng.choice(config.view.through_share))
+    segments, normals = _whole_surfaces(pieces, owners)
+    noisy, kept = add_noise(segments, rng, rng.choice(config.view.noise_m))
+
+    number = np.full(len(kept), -1)
+    number[kept] = rng.permutation(int(kept.sum()))
+    order = np.argsort(number[kept])
+    piece_kept = kept[owners]
+    walls = number[owners[sides]]
+    walls = np.unique(np.sort(walls[(walls >= 0).all(axis=1)], axis=1), axis=0)
+    placed = placement.points(noisy[kept][order])
+    swap = rng.random(len(placed)) < 0.5
+    placed[swap] = placed[swap][:, ::-1]
+    local = pieces.take(piece_kept)
+    return Building(
+        segments=placed,
+        normals=_exact_normals(placed, placement.directions(normals[kept][order])),
+        pieces=Pieces(
+            placement.points(local.segments),
+            placement.directions(local.normals),
+            local.rooms,
+            local.structural,
+        ),
+        owners=number[owners[piece_kept]],
+        polygons=[placement.points(polygon) for polygon in polygons],
+        walls=walls[walls[:, 0] < walls[:, 1]],
+    )
+
+
+def _whole_surfaces(pieces: Pieces, owners: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Return the surfaces that pieces make up: from the first end to the last along the normal."""
+    count = int(owners.max()) + 1
+    segments, normals = np.empty((count, 2, 2)), np.empty((count, 2))
+    for surface in range(count):
+        own = np.flatnonzero(owners == surface)
+        normal = pieces.normals[own[0]]
+        points = pieces.segments[own].reshape(-1, 2)
+        reach = points @ turn_left(normal)
+        segments[surface] = points[[np.argmin(reach), np.argmax(reach)]]
+        normals[surface] = normal
+    return segments, normals
+
+
+def _exact_normals(segments: FloatArray, rough: FloatArray) -> FloatArray:
+    along = segments[:, 1] - segments[:, 0]
+    normals = turn_left(along / np.linalg.norm(along, axis=1)[:, None])
+    return np.where((normals * rough).sum(axis=1)[:, None] < 0, -normals, normals)
+
+
+@dataclass(frozen=True, eq=False)
+class _Placement:
+    """A rotation, perhaps with a mirror, and a translation."""
+
+    matrix: FloatArray
+    offset: FloatArray
+
+    @classmethod
+    def draw(cls, rng: Generator) -> _Placement:
+        angle = rng.uniform(0, 2 * np.pi)
+        cosine, sine = np.cos(angle), np.sin(angle)
+        turn = np.array([[cosine, -sine], [sine, cosine]])
+        mirror = np.diag([rng.choice([-1.0, 1.0]), 1.0])
+        return cls(turn @ mirror, rng.uniform(-50, 50, 2))
+
+    def points(self, points: FloatArray) -> FloatArray:
+        return np.asarray(points @ self.matrix.T + self.offset)
+
+    def directions(self, vectors: FloatArray) -> FloatArray:
+        return np.asarray(vectors @ self.matrix.T)

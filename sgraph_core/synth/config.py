@@ -1,0 +1,134 @@
+"""The ingredients of synthetic buildings. Every one is a parameter with its unit."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+__all__ = ["BuildingConfig", "FittingConfig", "PlanConfig", "ViewConfig"]
+
+
+def _ascending(interval: tuple[float, float]) -> tuple[float, float]:
+    if interval[0] > interval[1]:
+        raise ValueError("lower bound must not exceed upper bound")
+    return interval
+
+
+Share = Annotated[float, Field(ge=0, le=1)]
+Interval = Annotated[tuple[float, float], AfterValidator(_ascending)]
+Choices = Annotated[tuple[float, ...], Field(min_length=1)]
+
+
+class _Config(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class PlanConfig(_Config):
+    """The rooms and the walls between them."""
+
+    floor_area_m2: Interval = Field(
+        default=(60.0, 2200.0), description="Area of a floor; log-uniform."
+    )
+    aspect: Interval = Field(default=(1.0, 3.0), description="Length over width of the outline.")
+    notched_share: Share = Field(
+        default=0.45, description="Floors whose outline is not a rectangle (L, U, T, Z)."
+    )
+    chamfered_outline_share: Share = Field(
+        default=0.15, description="Floors whose outline has cut corners."
+    )
+    wall_thickness_m: Interval = Field(default=(0.06, 0.4), description="Walls between rooms.")
+    thicknesses: tuple[int, int] = Field(
+        default=(1, 3), description="How many wall thicknesses one building mixes."
+    )
+    room_area_m2: Interval = Field(
+        default=(5.0, 45.0), description="A building's typical room; log-uniform."
+    )
+    room_area_spread: float = Field(
+        default=0.6, ge=0, description="Standard deviation of the rooms' log area in a building."
+    )
+    corridor_share: Share = Field(default=0.7, description="Floors with straight corridors.")
+    ring_corridor_share: Share = Field(default=0.15, description="Floors with a ring corridor.")
+    corridor_width_m: Interval = Field(default=(1.2, 3.5), description="Width of corridors.")
+    oblique_share: Choices = Field(
+        default=(0.0, 0.0, 0.05, 0.25),
+        description="Share of walls that meet others obliquely; one is drawn per building.",
+    )
+    merged_share: Choices = Field(
+        default=(0.0, 0.05, 0.15, 0.3),
+        description="Merges of neighbouring rooms per room (L, T, U shapes); one per building.",
+    )
+    chamfered_share: Choices = Field(
+        default=(0.0, 0.0, 0.1), description="Rooms with cut corners; one is drawn per building."
+    )
+    niche_share: Choices = Field(
+        default=(0.0, 0.15, 0.3),
+        description="Rooms with niches or pilasters; one is drawn per building.",
+    )
+    crooked_m: Choices = Field(
+        default=(0.0, 0.0, 0.01, 0.03),
+        description="Standard deviation of the corners; one is drawn per building.",
+    )
+
+
+class FittingConfig(_Config):
+    """Doors, facades, furniture."""
+
+    door_share: Choices = Field(
+        default=(0.0, 0.3, 0.6, 0.9),
+        description="Neighbouring rooms joined by a door; one is drawn per building.",
+    )
+    door_width_m: Interval = Field(default=(0.7, 1.3), description="Width of doors.")
+    opening_share: Share = Field(default=0.2, description="Doors that are wide openings.")
+    opening_width_m: Interval = Field(default=(1.3, 3.0), description="Width of wide openings.")
+    second_door_share: Share = Field(default=0.15, description="Neighbours with two doors.")
+    facade_share: Share = Field(
+        default=0.5, description="Buildings whose outer faces are mapped too."
+    )
+    facade_thickness_m: Interval = Field(default=(0.1, 0.45), description="Outer walls.")
+    door_leaf_share: Choices = Field(
+        default=(0.0, 0.0, 0.5),
+        description="Doors whose leaf stands open as clutter; one is drawn per building.",
+    )
+    furnished_share: Choices = Field(
+        default=(0.0, 0.0, 0.3, 0.8),
+        description="Rooms with furniture as clutter; one is drawn per building.",
+    )
+    furniture_size_m: Interval = Field(default=(0.2, 1.2), description="Sides of furniture.")
+
+
+class ViewConfig(_Config):
+    """What a robot maps of the building."""
+
+    through_share: Choices = Field(
+        default=(0.0, 0.0, 0.3),
+        description="Collinear surfaces of neighbouring rooms mapped as one; one per building.",
+    )
+    fragmented_share: Share = Field(
+        default=0.5, description="Buildings whose long surfaces are mapped in pieces."
+    )
+    longest_piece_m: Interval = Field(default=(2.5, 12.0), description="Length of such pieces.")
+    piece_gap_m: Interval = Field(default=(0.0, 0.3), description="Gap between two pieces.")
+    missing_share: Choices = Field(
+        default=(0.0, 0.05, 0.1, 0.2, 0.3, 0.4),
+        description="Surfaces that were not mapped; one is drawn per building.",
+    )
+    cropped_share: Choices = Field(
+        default=(0.0, 0.0, 0.3),
+        description="Ends of surfaces that were not mapped; one is drawn per building.",
+    )
+    duplicate_share: Choices = Field(
+        default=(0.0, 0.0, 0.05), description="Surfaces mapped twice; one is drawn per building."
+    )
+    noise_m: Choices = Field(
+        default=(0.0, 0.01, 0.02, 0.05),
+        description="Standard deviation of the endpoints; one is drawn per building.",
+    )
+
+
+class BuildingConfig(_Config):
+    """A distribution of buildings and of their maps."""
+
+    plan: PlanConfig = PlanConfig()
+    fittings: FittingConfig = FittingConfig()
+    view: ViewConfig = ViewConfig()

@@ -1,0 +1,83 @@
+"""Where two surfaces are the sides of one wall body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from shapely import Polygon
+
+from sgraph_concepts.types import FloatArray, IntArray
+from sgraph_core.geometry import dot, lines_of
+from sgraph_core.synth.polygons import turn_left
+
+__all__ = ["WallGaps", "wall_gaps"]
+
+THICKEST_M = 0.6
+THINNEST_M = 0.02
+LEAST_OVERLAP_M = 0.3
+OPPOSED = 0.97
+
+
+@dataclass(frozen=True, eq=False)
+class WallGaps:
+    """G wall bodies between surfaces.
+
+    Attributes:
+        one, two: rows of the two surfaces, first below second, [G].
+        starts, ends: the part of the first surface behind which the second lies, [G, 2].
+        inwards: the first surface's direction through the wall body, [G, 2].
+        thicknesses: of the wall body in the middle, [G].
+    """
+
+    one: IntArray
+    two: IntArray
+    starts: FloatArray
+    ends: FloatArray
+    inwards: FloatArray
+    thicknesses: FloatArray
+
+    @property
+    def lengths(self) -> FloatArray:
+        """Lengths of the wall bodies, [G]."""
+        return np.asarray(np.linalg.norm(self.ends - self.starts, axis=1))
+
+    def opening(self, row: int, share: float, where: float) -> Polygon:
+        """Return the body of an opening of ``share`` of a wall, ``where`` of the way along it."""
+        start, along = self.starts[row], self.ends[row] - self.starts[row]
+        first, last = (
+            start + where * (1 - share) * along,
+            start + (share + where * (1 - share)) * along,
+        )
+        before, behind = (
+            -0.02 * self.inwards[row],
+            (self.thicknesses[row] + 0.04) * self.inwards[row],
+        )
+        return Polygon([first + before, last + before, last + behind, first + behind])
+
+
+def wall_gaps(segments: FloatArray, normals: FloatArray) -> WallGaps:
+    """Return where surfaces lie back to back at most 0.6 m apart over at least 0.3 m."""
+    lines = lines_of(segments)
+    one, two = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=THICKEST_M)
+    opposed = (one < two) & (dot(normals[one], normals[two]) < -OPPOSED)
+    one, two = one[opposed], two[opposed]
+    tangent, middle = turn_left(normals[one]), segments[one].mean(axis=1)
+    along_one = dot(segments[one] - middle[:, None], tangent[:, None])
+    along_two = dot(segments[two] - middle[:, None], tangent[:, None])
+    low = np.maximum(along_one.min(axis=1), along_two.min(axis=1))
+    high = np.minimum(along_one.max(axis=1), along_two.max(axis=1))
+    # the point of the second surface's line halfway along the overlap
+    share = ((low + high) / 2 - along_two[:, 0]) / (along_two[:, 1] - along_two[:, 0])
+    opposite = segments[two, 0] + share[:, None] * (segments[two, 1] - segments[two, 0])
+    thickness = -dot(opposite - middle, normals[one])
+    body = (high - low > LEAST_OVERLAP_M) & (thickness > THINNEST_M) & (thickness <= THICKEST_M)
+    return WallGaps(
+        one[body],
+        two[body],
+        (middle + low[:, None] * tangent)[body],
+        (middle + high[:, None] * tangent)[body],
+        -normals[one][body],
+        thickness[body],
+    )

@@ -1,0 +1,1 @@
+"""Training of the shared encoder and the heads on synthetic buildings."""
