@@ -1,0 +1,1 @@
+"""The command line `sgraph`: it parses, calls the core and prints."""

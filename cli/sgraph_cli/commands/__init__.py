@@ -1,0 +1,1 @@
+"""One module per subcommand. Heavy imports stay inside the functions that need them."""

@@ -1,0 +1,126 @@
+"""`sgraph infer`: a map in; rooms, walls and corrected poses out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from sgraph_cli.arguments import ScorerName, by_concept, load_map
+from sgraph_cli.console import note, print_table, warn_about_plugins
+
+if TYPE_CHECKING:
+    from sgraph_core.backend import Optimization
+    from sgraph_core.graph import SGraph
+
+__all__ = ["infer"]
+
+
+def infer(
+    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A sgraph-map JSON file.")],
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Write the map with its concepts here; may equal MAP."),
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", help="Write a picture here (.png, .svg or .pdf).")
+    ] = None,
+    optimize: Annotated[
+        bool,
+        typer.Option("--optimize", help="Also solve the factor graph and move poses and surfaces."),
+    ] = False,
+    concept: Annotated[
+        list[str] | None,
+        typer.Option("--concept", help="Infer this concept only; may be repeated."),
+    ] = None,
+    json_: Annotated[
+        bool, typer.Option("--json", help="Print to stdout what the output file would hold.")
+    ] = False,
+    scorer: Annotated[
+        ScorerName, typer.Option(help="The trained network, or the rules without learning.")
+    ] = ScorerName.network,
+    clusterer: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="CONCEPT=NAME",
+            help="Another clusterer for a concept, such as room=cycles (the paper's Algorithm 1).",
+        ),
+    ] = None,
+    factor: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="CONCEPT=NAME",
+            help="Another factor type for --optimize, such as wall=published or room=none.",
+        ),
+    ] = None,
+) -> None:
+    """Infer rooms, walls and further concepts of a map.
+
+    Without -o and --json, a table is printed.
+    """
+    clusterers = by_concept(clusterer or [], "--clusterer")
+    factors = by_concept(factor or [], "--factor")
+    from sgraph_core.detector import Detector
+    from sgraph_core.map_file import dump, save
+
+    detector = Detector(scorer=scorer.value, clusterers=clusterers)
+    warn_about_plugins(list(detector.registry.problems))
+    result = detector.infer(load_map(map_file), concept)
+    if optimize:
+        from sgraph_core import backend
+
+        solved = backend.optimize(result, factors)
+        _report(solved)
+        result = solved.graph
+    if plot is not None:
+        from sgraph_core.plotting import plot as draw
+
+        draw(result, plot)
+    if output is not None:
+        save(result, output)
+    if json_:
+        typer.echo(dump(result), nl=False)
+    elif output is None:
+        _print_nodes(result)
+
+
+def _report(solved: Optimization) -> None:
+    note(
+        f"optimised {solved.factors} factors: "
+        f"error {solved.initial_error:.6g} -> {solved.final_error:.6g}"
+    )
+    for concept, node in solved.switched_off:
+        note(f"switched off {concept} {node}: it contradicts the rest of the graph")
+
+
+def _print_nodes(graph: SGraph) -> None:
+    from rich import box
+    from rich.table import Table
+
+    for concept, nodes in graph.concepts.items():
+        table = Table(title=f"{graph.name or 'map'}: {len(nodes)} {concept}s", box=box.SIMPLE_HEAD)
+        table.add_column("id", justify="right")
+        table.add_column("name")
+        table.add_column("members")
+        table.add_column("centre [m]", justify="right")
+        table.add_column("size", justify="right")
+        table.add_column("confidence", justify="right")
+        for node in nodes:
+            shape = node.shape
+            centre = "" if shape.centre is None else f"{shape.centre[0]:.2f}, {shape.centre[1]:.2f}"
+            table.add_row(
+                str(node.id),
+                node.name or "",
+                " ".join(map(str, node.members)),
+                centre,
+                _size(shape.thickness, shape.attributes.get("area_m2")),
+                "" if node.confidence is None else f"{node.confidence:.2f}",
+            )
+        print_table(table)
+
+
+def _size(thickness: float | None, area: object) -> str:
+    if thickness is not None:
+        return f"{thickness:.3f} m thick"
+    return f"{area:.1f} m²" if isinstance(area, float) else ""

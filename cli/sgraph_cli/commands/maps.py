@@ -1,0 +1,49 @@
+"""`sgraph schema` and `sgraph synth`: the map format, and maps to try things on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from sgraph_cli.console import note, progress
+
+__all__ = ["schema", "synth"]
+
+
+def schema() -> None:
+    """Print the JSON Schema of the map file."""
+    import json
+
+    from sgraph_core.map_file import schema as map_schema
+
+    typer.echo(json.dumps(map_schema(), indent=1))
+
+
+def synth(
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write the maps to.")],
+    count: Annotated[int, typer.Option(min=1, help="How many maps.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Equal seeds give equal maps.")] = 0,
+    config: Annotated[
+        Path | None,
+        typer.Option(help="JSON file with the ingredients (docs/synthetic-buildings.md)."),
+    ] = None,
+) -> None:
+    """Write synthetic buildings with their truth as map files."""
+    import numpy as np
+
+    from sgraph_core.map_file import save
+    from sgraph_core.settings import read_settings
+    from sgraph_core.synth.building import draw_building
+    from sgraph_core.synth.config import BuildingConfig
+
+    building_config = read_settings(config, BuildingConfig)
+    output.mkdir(parents=True, exist_ok=True)
+    with progress() as report:
+        for number in range(count):
+            building = draw_building(np.random.default_rng([seed, number]), building_config)
+            name = f"synthetic-{seed}-{number:05d}"
+            save(building.graph(name), output / f"{name}.json")
+            report("drawing buildings", number + 1, count)
+    note(f"wrote {count} maps to {output}")

@@ -1,0 +1,70 @@
+"""Where things are printed: results to stdout, everything else to stderr."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+__all__ = ["ProgressReport", "note", "print_table", "progress", "warn_about_plugins"]
+
+WIDEST = 200
+
+
+class ProgressReport(Protocol):
+    """Told what is being done, how much of it is done, and how much there is."""
+
+    def __call__(self, what: str, done: int, total: int, /) -> None:
+        """Show it."""
+        ...
+
+
+def print_table(table: Table) -> None:
+    """Print a rich table to stdout; piped, it is as wide as it needs to be."""
+    _stdout().print(table)
+
+
+def _stdout() -> Console:
+    from rich.console import Console
+
+    console = Console(highlight=False)
+    return console if console.is_terminal else Console(highlight=False, width=WIDEST)
+
+
+def note(message: str) -> None:
+    """Print a line to stderr."""
+    print(message, file=sys.stderr)
+
+
+def warn_about_plugins(problems: list[object]) -> None:
+    """Say on stderr which plugins are left out, and why."""
+    for problem in problems:
+        note(f"sgraph: warning: {problem}")
+
+
+@contextmanager
+def progress() -> Iterator[ProgressReport]:
+    """Show a progress bar on stderr if it is a terminal, else nothing."""
+    from rich.console import Console
+    from rich.progress import Progress, TaskID, TimeRemainingColumn
+
+    console = Console(stderr=True)
+    tasks: dict[str, TaskID] = {}
+    with Progress(
+        *Progress.get_default_columns()[:-1],
+        TimeRemainingColumn(elapsed_when_finished=True),
+        console=console,
+        disable=not console.is_terminal,
+    ) as bar:
+
+        def report(what: str, done: int, total: int, /) -> None:
+            if what not in tasks:
+                tasks[what] = bar.add_task(what, total=total)
+            bar.update(tasks[what], completed=done)
+
+        yield report

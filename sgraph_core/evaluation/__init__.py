@@ -1,0 +1,1 @@
+"""How good an inference is: the scores of docs/scores.md."""

@@ -1,0 +1,148 @@
+"""Scores of many maps, per source."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from sgraph_concepts.errors import InputError
+from sgraph_core.detector import Detector
+from sgraph_core.evaluation.scores import Counts, FloorScore, score_floor
+from sgraph_core.map_file import load
+
+__all__ = ["FloorReport", "SourceReport", "as_rows", "evaluate", "maps_in"]
+
+
+@dataclass(frozen=True)
+class FloorReport:
+    """One map: its name, its scores and the seconds that inferring it took (NaN if stored)."""
+
+    name: str
+    score: FloorScore
+    seconds: float
+
+
+@dataclass(frozen=True)
+class SourceReport:
+    """All maps of one folder, or one map given by itself.
+
+    Attributes:
+        source: name of the folder or file.
+        floors: its maps.
+    """
+
+    source: str
+    floors: tuple[FloorReport, ...]
+
+    @property
+    def rooms(self) -> Counts:
+        """Pooled counts of rooms at Jaccard index 0.5."""
+        return sum((floor.score.rooms for floor in self.floors), Counts())
+
+    @property
+    def exact_rooms(self) -> Counts:
+        """Pooled counts of rooms with exactly the true members."""
+        return sum((floor.score.exact_rooms for floor in self.floors), Counts())
+
+    @property
+    def walls(self) -> Counts:
+        """Pooled counts of walls."""
+        return sum((floor.score.walls for floor in self.floors), Counts())
+
+    @property
+    def mean_room_f1(self) -> float:
+        """Mean over the floors of the rooms' F1."""
+        return float(np.mean([floor.score.rooms.f1 for floor in self.floors]))
+
+    @property
+    def mean_wall_f1(self) -> float:
+        """Mean over the floors of the walls' F1."""
+        return float(np.mean([floor.score.walls.f1 for floor in self.floors]))
+
+    @property
+    def median_seconds(self) -> float:
+        """Median over the floors of the seconds to infer one."""
+        return float(np.median([floor.seconds for floor in self.floors]))
+
+
+def maps_in(path: Path) -> list[Path]:
+    """Return the map files that a path names: itself, or those of a folder by name.
+
+    Raises:
+        InputError: a folder holds none.
+    """
+    if not path.is_dir():
+        return [path]
+    files = sorted(path.glob("*.json"))
+    if not files:
+        raise InputError(f"{path}: holds no .json file")
+    return files
+
+
+def evaluate(
+    sources: Sequence[Path],
+    detector: Detector | None,
+    progress: Callable[[str, int, int], object] = lambda _what, _done, _total: None,
+) -> list[SourceReport]:
+    """Score maps against their truth.
+
+    Args:
+        sources: map files, or folders of them; each becomes one report.
+        detector: infers each map anew; None scores the concepts that the files hold.
+        progress: told after every map.
+
+    Raises:
+        InputError: a map has no truth, or a folder no map.
+        MapFileError: a map cannot be read.
+    """
+    files = {source: maps_in(source) for source in sources}
+    total = sum(map(len, files.values()))
+    reports, done = [], 0
+    for source, maps in files.items():
+        floors = []
+        for file in maps:
+            floors.append(_evaluate_floor(file, detector))
+            done += 1
+            progress("evaluating", done, total)
+        reports.append(SourceReport(source.stem, tuple(floors)))
+    return reports
+
+
+def _evaluate_floor(file: Path, detector: Detector | None) -> FloorReport:
+    graph = load(file)
+    if graph.truth is None:
+        raise InputError(f"{file}: has no truth to evaluate against")
+    seconds = float("nan")
+    if detector is not None:
+        start = time.perf_counter()
+        graph = detector.infer(graph)
+        seconds = time.perf_counter() - start
+    assert graph.truth is not None
+    return FloorReport(file.stem, score_floor(graph, graph.truth), seconds)
+
+
+def as_rows(reports: Iterable[SourceReport]) -> list[dict[str, float | int | str]]:
+    """Return reports as flat records, for tables and JSON."""
+    return [
+        {
+            "source": report.source,
+            "floors": len(report.floors),
+            "room_precision": report.rooms.precision,
+            "room_recall": report.rooms.recall,
+            "room_f1": report.rooms.f1,
+            "room_f1_mean": report.mean_room_f1,
+            "room_exact_f1": report.exact_rooms.f1,
+            "rooms_left_out": report.rooms.left_out,
+            "wall_precision": report.walls.precision,
+            "wall_recall": report.walls.recall,
+            "wall_f1": report.walls.f1,
+            "wall_f1_mean": report.mean_wall_f1,
+            "walls_left_out": report.walls.left_out,
+            "seconds_per_floor": report.median_seconds,
+        }
+        for report in reports
+    ]
