@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
+from typing import TYPE_CHECKING
 
 from sgraph_core.detector import Detector, Scorer
 from sgraph_core.graph import SGraph
 
-__all__ = ["infer"]
+if TYPE_CHECKING:
+    from sgraph_core.backend import Optimization
+
+__all__ = ["infer", "infer_and_optimize"]
 
 
 @cache
@@ -36,9 +40,40 @@ def infer(
         SGraphError: the graph or a plugin breaks a rule; see :class:`sgraph_core.Detector` and
             :func:`sgraph_core.backend.optimize`.
     """
-    result = _detector(scorer).infer(graph, concepts)
+    detector = _detector(scorer)
     if optimize:
-        from sgraph_core.backend import optimize as solve
+        return infer_and_optimize(graph, detector, concepts)[0]
+    return detector.infer(graph, concepts)
 
-        result = solve(result).graph
-    return result
+
+def infer_and_optimize(
+    graph: SGraph,
+    detector: Detector,
+    concepts: Sequence[str] | None = None,
+    factor_types: Mapping[str, str] | None = None,
+) -> tuple[SGraph, Optimization]:
+    """Infer concepts and solve the factor graph with them.
+
+    The low layers are solved first, since concepts are better found on a map that its own
+    observations have straightened; then with the concepts' factors; then the concepts are inferred
+    once more, so that they describe the map as it is in the end.
+
+    Args:
+        graph: the S-Graph; it is not changed.
+        detector: infers the concepts.
+        concepts: names of the concepts to infer; all by default.
+        factor_types: by concept, another factor type than the declared one.
+
+    Returns:
+        The S-Graph, and the solution with the concepts' factors.
+
+    Raises:
+        SGraphError: see :meth:`sgraph_core.Detector.infer` and
+            :func:`sgraph_core.backend.optimize`.
+    """
+    from sgraph_core import backend
+
+    straightened = backend.optimize(graph, dict.fromkeys(graph.concepts, "none"), detector.registry)
+    found = detector.infer(straightened.graph, concepts)
+    solved = backend.optimize(found, factor_types, detector.registry)
+    return detector.infer(solved.graph, concepts), solved

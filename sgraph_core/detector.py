@@ -113,18 +113,30 @@ class _Run:
         groups_surfaces = concept.spec.groups == WALL_SURFACE
         scene = self._scene if groups_surfaces else _scene_of_nodes(grouped, self._scene)
         edges = self.score(concept, scene)
-        nodes: dict[tuple[int, ...], ConceptNode] = {}
-        for cluster in self._cluster(concept, edges, scene):
+        nodes: dict[frozenset[int], ConceptNode] = {}
+        clusters = self._cluster(concept, edges, scene)
+        for cluster in sorted(clusters, key=lambda c: (c.confidence, c.members)):
             rows = np.array(cluster.members, np.int64)
+            shape = self._shape(concept, rows, scene)
             if groups_surfaces:
-                members = self._fragments.parents(rows)
+                candidates = self._members(concept, self._fragments.parents(rows))
             else:
-                members = tuple(sorted(grouped[row].id for row in cluster.members))
-            known = nodes.get(members)
-            if members and (known is None or (known.confidence or 0) < cluster.confidence):
-                shape = self._shape(concept, rows, scene)
-                nodes[members] = ConceptNode(0, members, None, shape, cluster.confidence)
+                candidates = [frozenset(grouped[row].id for row in cluster.members)]
+            for members in candidates:  # fragments of the same surfaces: the surest cluster wins
+                nodes[members] = ConceptNode(
+                    0, tuple(sorted(members)), None, shape, cluster.confidence
+                )
         return list(nodes.values())
+
+    def _members(self, concept: RegisteredConcept, parents: frozenset[int]) -> list[frozenset[int]]:
+        """Return the members of the nodes that a cluster of these surfaces gives.
+
+        A surface that was mapped twice joins a room together with its copy. It cannot do so where
+        surfaces belong to several nodes, such as walls: there the copy gives nodes of its own.
+        """
+        if concept.spec.exclusive:
+            return [self._fragments.with_duplicates(parents)]
+        return self._fragments.alternatives(parents)
 
     def score(self, concept: RegisteredConcept, scene: Scene) -> ScoredEdges:
         name = concept.spec.name

@@ -23,5 +23,7 @@ def write_whole(path: str | Path, write: Callable[[Path], object]) -> None:
     try:
         write(temporary)
         temporary.replace(target)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror or str(error), str(path)) from error
     finally:
         temporary.unlink(missing_ok=True)

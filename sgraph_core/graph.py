@@ -22,6 +22,7 @@ from sgraph_core.tables import (
     Odometry,
     Table,
     WallSurfaces,
+    turned,
 )
 
 if TYPE_CHECKING:
@@ -239,7 +240,8 @@ class SGraph:
             surface_id: who was seen.
             keyframe_id: from where.
             plane: nx, ny, nz, d in the keyframe's body frame with n.x + d = 0, unit n pointing to
-                the keyframe, hence d > 0.
+                the keyframe, hence d > 0. Turned by the keyframe's pose, n must be within 90
+                degrees of the surface's normal: the other side would be another surface.
             sigmas: standard deviations of the normal's angle and of d, in rad and m.
 
         Raises:
@@ -304,7 +306,9 @@ class SGraph:
         across = np.stack([-along[:, 1], along[:, 0]], axis=1)
         side = np.where((across * normals).sum(axis=1) < 0, -1.0, 1.0)
         _number(self._surface_rows, ids)
-        self._wall_surfaces.append(WallSurfaces(ids, segments, across * side[:, None], heights))
+        self._wall_surfaces.append(
+            WallSurfaces(ids, segments, across * side[:, None] + 0.0, heights)
+        )
 
     def extend_observations(
         self, surface_ids: IntArray, keyframe_ids: IntArray, planes: FloatArray, sigmas: FloatArray
@@ -319,6 +323,15 @@ class SGraph:
             planes[:, 3] > 0, "plane", planes, "n must point to the keyframe, so d must be positive"
         )
         check.sigmas(sigmas)
+        poses = self.keyframes.poses[[self._keyframe_rows[int(i)] for i in keyframe_ids]]
+        normals = self.wall_surfaces.normals[[self._surface_rows[int(i)] for i in surface_ids]]
+        seen = turned(planes[:, :3], poses[:, 3:])[:, :2]
+        check.that(
+            (seen * normals).sum(axis=1) > 0,
+            "plane",
+            planes,
+            "n, turned by the keyframe's pose, must be within 90 degrees of the surface's normal",
+        )
         self._observations.append(Observations(surface_ids, keyframe_ids, planes, sigmas))
 
     # -- derived graphs --------------------------------------------------------------------------

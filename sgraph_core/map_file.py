@@ -104,12 +104,9 @@ def _parse_json(data: bytes, path: str | Path) -> Any:
                 raise MapFileError(path, "", key, "key occurs twice in one object")
         return dict(pairs)
 
-    def refuse(constant: str) -> Any:
-        raise MapFileError(path, "", constant, "numbers must be finite")
-
     try:
         text = data.decode("utf-8-sig")
-        return json.loads(text, object_pairs_hook=unique, parse_constant=refuse)
+        return json.loads(text, object_pairs_hook=unique)
     except UnicodeDecodeError as error:
         raise MapFileError(path, f"byte {error.start}", None, "is not UTF-8 text") from error
     except json.JSONDecodeError as error:
@@ -131,8 +128,14 @@ def _first_problem(error: ValidationError, document: Any, path: str | Path) -> M
         "model_type": "must be an object",
         "model_attributes_type": "must be an object",
     }
-    kind, message = problem["type"], problem["msg"]
-    rule = rules.get(kind, message.replace("Input should be", "must be"))
+    kind, message, limits = problem["type"], problem["msg"], problem.get("ctx", {})
+    if kind in ("too_long", "too_short"):
+        bound = "at most" if kind == "too_long" else "at least"
+        rules[kind] = (
+            f"must have {bound} {limits.get('max_length', limits.get('min_length'))} items"
+        )
+    message = message.removeprefix("Value error, ").replace("Input should be", "must be")
+    rule = rules.get(kind, message)
     return MapFileError(path, place, None if kind == "missing" else _value(problem["input"]), rule)
 
 

@@ -6,9 +6,17 @@ tables; :mod:`sgraph_core.map_file` applies both.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+import math
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    JsonValue,
+    field_validator,
+)
 
 from sgraph_core.tables import LARGEST_COORDINATE_M, LARGEST_ID
 
@@ -26,6 +34,23 @@ Ring = Annotated[list[Point], Field(min_length=3)]
 Pose = tuple[Coordinate, Coordinate, Coordinate, Real, Real, Real, Real]
 Pair = tuple[Id, Id]
 Members = Annotated[list[Id], Field(min_length=1)]
+
+
+def _finite(value: JsonValue) -> JsonValue:
+    """JSON knows no NaN and no infinity, although Python's reader lets them pass."""
+    parts = [value]
+    while parts:
+        part = parts.pop()
+        if isinstance(part, float) and not math.isfinite(part):
+            raise ValueError("must be a finite number")
+        if isinstance(part, list):
+            parts += part
+        elif isinstance(part, dict):
+            parts += part.values()
+    return value
+
+
+Json = Annotated[JsonValue, AfterValidator(_finite)]
 
 
 class Record(BaseModel):
@@ -98,7 +123,9 @@ class ConceptRecord(Record):
         default=None, description="Of a wall [m]."
     )
     confidence: Annotated[Real, Field(ge=0, le=1)] | None = None
-    attributes: dict[str, Any] | None = Field(default=None, description="The concept's own fields.")
+    attributes: dict[str, Json] | None = Field(
+        default=None, description="The concept's own fields."
+    )
 
 
 class PinsRecord(Record):
@@ -133,6 +160,7 @@ class MapRecord(Record):
     format: Literal["sgraph-map"]
     version: Literal[1]
     units: Literal["m"]
+
     name: Text | None = None
     keyframes: list[KeyframeRecord] | None = None
     odometry: list[OdometryRecord] | None = None
@@ -140,3 +168,10 @@ class MapRecord(Record):
     concepts: dict[Annotated[str, Field(min_length=1)], list[ConceptRecord]] | None = None
     pins: PinsRecord | None = None
     truth: TruthRecord | None = None
+
+    @field_validator("version", mode="before")
+    @classmethod
+    def _no_truth_value(cls, version: object) -> object:
+        if isinstance(version, bool):
+            raise ValueError("must be 1")  # in Python, true equals 1
+        return version

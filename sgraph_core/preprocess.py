@@ -33,10 +33,9 @@ SPLIT_ANGLE_RAD = np.radians(20.0)
 SPLIT_DEPTH_M = 0.3
 """A surface splits another only if it reaches this far into the space in front of it: pilasters and
 door frames do not divide a room."""
-SHORTEST_END_M = 0.3
-"""A cut closer than this to an end is that end's corner."""
-THINNEST_M = 0.05
-"""Shorter pieces between two cuts are dropped: a wall's end hides them."""
+SHORTEST_FRAGMENT_M = 0.5
+"""A cut closer than this to an end is that end's corner; between two cuts this close, the end of
+the wall that cuts hides the surface, and the piece is dropped."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,20 +50,18 @@ class Fragments:
     surfaces: SurfaceArrays
     duplicates: Mapping[int, int] = field(default_factory=dict)
 
-    def parents(self, rows: IntArray) -> tuple[int, ...]:
-        """Return the ids of the input's surfaces that some fragments stand for, ascending.
+    def parents(self, rows: IntArray) -> frozenset[int]:
+        """Return the ids of the input's surfaces that fragments belong to."""
+        return frozenset(self.surfaces.ids[rows].tolist())
 
-        A parent counts when its fragments among ``rows`` make up half of it, or half a metre:
-        a sliver of a long surface does not make it a member. Duplicates follow whom they repeat.
-        """
-        ids, lengths = self.surfaces.ids, self.surfaces.lengths
-        found: set[int] = set()
-        for parent in np.unique(ids[rows]).tolist():
-            here = lengths[rows[ids[rows] == parent]].sum()
-            if here >= min(0.5, 0.5 * lengths[ids == parent].sum()):
-                found.add(parent)
-        found.update(copy for copy, original in self.duplicates.items() if original in found)
-        return tuple(sorted(found))
+    def with_duplicates(self, members: frozenset[int]) -> frozenset[int]:
+        """Return surfaces together with those that repeat one of them."""
+        return members.union(c for c, original in self.duplicates.items() if original in members)
+
+    def alternatives(self, members: frozenset[int]) -> list[frozenset[int]]:
+        """Return surfaces as they are, and with each repeated one exchanged for its copy."""
+        copies = [(c, original) for c, original in self.duplicates.items() if original in members]
+        return [members, *(members - {original} | {c} for c, original in copies)]
 
 
 def flatten(points: ArrayLike, viewpoint: ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -154,7 +151,7 @@ def _split(surfaces: SurfaceArrays) -> SurfaceArrays:
     # where the knife's line crosses the cut surface's line; the angle keeps this well defined
     share = across[:, 0] / (across[:, 0] - across[:, 1])
     position = along[:, 0] + share * (along[:, 1] - along[:, 0])
-    inside = np.abs(position) < surfaces.lengths[cut] / 2 - SHORTEST_END_M
+    inside = np.abs(position) < surfaces.lengths[cut] / 2 - SHORTEST_FRAGMENT_M
     divides = inside & (across.max(axis=1) > SPLIT_DEPTH_M)
     cut, position = cut[divides], position[divides]
 
@@ -162,7 +159,7 @@ def _split(surfaces: SurfaceArrays) -> SurfaceArrays:
     for row in np.unique(cut).tolist():
         half = surfaces.lengths[row] / 2
         borders = np.array([-half, *np.sort(position[cut == row]), half])
-        long_enough = np.diff(borders) >= THINNEST_M
+        long_enough = np.diff(borders) >= SHORTEST_FRAGMENT_M
         reach = np.stack([borders[:-1], borders[1:]], axis=1)[long_enough]
         segments = surfaces.midpoints[row] + reach[:, :, None] * surfaces.tangents[row]
         parent = np.full(len(reach), row)

@@ -24,6 +24,7 @@ __all__ = [
     "RowError",
     "Table",
     "WallSurfaces",
+    "turned",
 ]
 
 Rows = TypeVar("Rows")
@@ -134,6 +135,12 @@ class Observations:
     keyframe_ids: IntArray = field(default_factory=lambda: np.empty(0, np.int64))
     planes: FloatArray = field(default_factory=lambda: np.empty((0, 4)))
     sigmas: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
+
+
+def turned(vectors: FloatArray, quaternions: FloatArray) -> FloatArray:
+    """Return vectors [R, 3] turned by quaternions qx, qy, qz, qw [R, 4]."""
+    axis, real = quaternions[:, :3], quaternions[:, 3:]
+    return np.asarray(vectors + 2 * np.cross(axis, np.cross(axis, vectors) + real * vectors))
 
 
 class Table(Generic[Rows]):

@@ -19,6 +19,8 @@ from sgraph_concepts.spec import WALL_SURFACE, ConceptSpec, resolve
 
 __all__ = ["PluginProblem", "RegisteredConcept", "Registry"]
 
+OWN_DISTRIBUTION = "sgraph-concepts"
+
 
 @dataclass(frozen=True)
 class RegisteredConcept:
@@ -129,9 +131,7 @@ class Registry:
         A plugin that fails to import, that clashes with another, or that declares nonsense becomes
         an entry of ``problems``.
         """
-        for entry_point in sorted(
-            entry_points(group=ENTRY_POINT_GROUP), key=lambda e: (_distribution(e), e.name)
-        ):
+        for entry_point in sorted(entry_points(group=ENTRY_POINT_GROUP), key=_precedence):
             try:
                 self._load(entry_point)
             except PluginError as error:
@@ -259,6 +259,12 @@ class Registry:
         if chosen is None:
             raise ConceptError(f"concept {name!r} has no {kind}")
         return resolve(chosen, self._builtins, f"{kind} of concept {name!r}")
+
+
+def _precedence(entry_point: EntryPoint) -> tuple[bool, str, str]:
+    """Sort what ships with the framework first: nobody takes a name away from it by accident."""
+    distribution = _distribution(entry_point)
+    return distribution != OWN_DISTRIBUTION, distribution, entry_point.name
 
 
 def _circle(concepts: Mapping[str, RegisteredConcept]) -> set[str]:

@@ -89,7 +89,9 @@ class ConceptSpec(_Frozen):
     )
     exclusive: bool = Field(
         default=True,
-        description="Whether a fragment of a surface may belong to one node of the concept only.",
+        description="Whether a fragment of a surface may belong to one node of the concept only. "
+        "A surface that was mapped twice then joins its node together with its copy; otherwise "
+        "the copy gives nodes of its own.",
     )
 
     @model_validator(mode="after")

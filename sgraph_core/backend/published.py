@@ -9,7 +9,7 @@ planes:
     f(planes) = p - (sum n n^T)^+ sum (n.p + d) n,
 
 which also serves rooms of any number of sides. Since c is free, the factor fits whatever the planes
-are: it adds no information about them (facts measured in tests/core/test_backend.py).
+are: it adds no information about them (tests/core/test_backend.py measures it).
 """
 
 from __future__ import annotations
@@ -24,6 +24,9 @@ from sgraph_concepts.types import ConceptNode, FactorContext, FactorResult, Floa
 __all__ = ["centre_of", "factors"]
 
 SIGMA_M = 0.1
+PARALLEL = 0.05
+"""Planes whose normals spread less than this across their main direction count as parallel (within
+about 25 degrees of one another): where they cross says nothing about a centre."""
 STEP = 1e-6
 """Of the central differences for the planes' Jacobians."""
 
@@ -57,7 +60,7 @@ def centre_of(reference: FloatArray, planes: FloatArray) -> FloatArray:
     """Return f(planes) for vertical planes nx, ny, nz, d [P, 4] and a reference point [2]."""
     normals, offsets = planes[:, :2], planes[:, 3]
     shift = normals.T @ (normals @ reference + offsets)
-    return np.asarray(reference - np.linalg.pinv(normals.T @ normals, rcond=1e-3) @ shift)
+    return np.asarray(reference - np.linalg.pinv(normals.T @ normals, rcond=PARALLEL) @ shift)
 
 
 def _centre_of_planes(reference: FloatArray, planes: Sequence[gtsam.OrientedPlane3]) -> FloatArray:

@@ -34,7 +34,7 @@ def cluster(edges: ScoredEdges, scene: Scene) -> list[Cluster]:
     """Return the clusters that Algorithm 1 finds among the edges more likely related than not."""
     relation = canonical_relation(edges, scene)
     sets = cycle_sets(len(relation.rows), relation.pairs, relation.logits)
-    return clusters_of(edges, [relation.rows[np.array(s, np.int64)] for s in sets])
+    return clusters_of(relation, sets)
 
 
 def cycle_sets(count: int, pairs: IntArray, logits: FloatArray) -> list[list[int]]:

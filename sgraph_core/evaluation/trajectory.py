@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import gtsam
@@ -47,7 +48,9 @@ def read_tum(path: str | Path) -> tuple[FloatArray, FloatArray]:
         InputError: the file cannot be read or holds something else.
     """
     try:
-        rows = np.loadtxt(path, ndmin=2)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # an empty file is named below
+            rows = np.loadtxt(path, ndmin=2)
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: is no trajectory in TUM format: {error}") from error
     if rows.shape[1] != 8 or not np.isfinite(rows).all():

@@ -7,9 +7,11 @@ import importlib.resources
 import json
 import platform
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from pickle import UnpicklingError
 from typing import Any
 
 import numpy as np
@@ -71,19 +73,31 @@ def train(
     folder.mkdir(parents=True, exist_ok=True)
     _claim(folder, config, names, resume)
     samples = _make_all(config, names, folder, progress)
-    torch.manual_seed(config.seed)
-    run = _Run.new(config, names, registry, concept, samples.training)
-    if resume:
-        run.load(folder / CHECKPOINT)
-    for step in range(run.step, config.steps):
-        run.learn(_batch(samples.training, config, step))
-        if run.step % STEPS_PER_CHECKPOINT == 0 or run.step == config.steps:
-            run.validate(samples.validation)
-            run.save(folder / CHECKPOINT)
-        progress("training", run.step, config.steps)
+    with _repeatable(config.seed):
+        run = _Run.new(config, names, registry, concept, samples.training)
+        if resume:
+            run.load(folder / CHECKPOINT)
+        for step in range(run.step, config.steps):
+            run.learn(_batch(samples.training, config, step))
+            if run.step % STEPS_PER_CHECKPOINT == 0 or run.step == config.steps:
+                run.validate(samples.validation)
+                run.save(folder / CHECKPOINT)
+            progress("training", run.step, config.steps)
     record = _record(config, names, run, concept)
     _write(folder, run, record, names)
     return record
+
+
+@contextmanager
+def _repeatable(seed: int) -> Iterator[None]:
+    """Let torch compute the same again on the same machine, whatever its threads do."""
+    before = torch.are_deterministic_algorithms_enabled()
+    torch.manual_seed(seed)
+    torch.use_deterministic_algorithms(True)
+    try:
+        yield
+    finally:
+        torch.use_deterministic_algorithms(before)
 
 
 def _require_extra() -> None:
@@ -305,7 +319,7 @@ class _Run:
             self._optimizer.load_state_dict(state["optimizer"])
             self._schedule.load_state_dict(state["schedule"])
             self.step, self.history = state["step"], state["history"]
-        except (OSError, KeyError, RuntimeError, ValueError) as error:
+        except (OSError, KeyError, RuntimeError, ValueError, UnpicklingError) as error:
             raise TrainingError(f"{path}: is no checkpoint of this run: {error}") from error
 
 

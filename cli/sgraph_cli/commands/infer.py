@@ -66,13 +66,14 @@ def infer(
 
     detector = Detector(scorer=scorer.value, clusterers=clusterers)
     warn_about_plugins(list(detector.registry.problems))
-    result = detector.infer(load_map(map_file), concept)
+    graph = load_map(map_file)
     if optimize:
-        from sgraph_core import backend
+        from sgraph_core.api import infer_and_optimize
 
-        solved = backend.optimize(result, factors)
+        result, solved = infer_and_optimize(graph, detector, concept, factors)
         _report(solved)
-        result = solved.graph
+    else:
+        result = detector.infer(graph, concept)
     if plot is not None:
         from sgraph_core.plotting import plot as draw
 

@@ -22,8 +22,9 @@ def cluster(edges: ScoredEdges, scene: Scene) -> list[Cluster]:
     relation = canonical_relation(edges, scene)
     groups = multicut(len(relation.rows), relation.pairs, relation.logits)
     rooms = _absorb(groups, relation)
-    rows = [relation.rows[np.array(room, np.int64)] for room in rooms]
-    return clusters_of(edges, [room for room in rows if _encloses(scene.surfaces, room)])
+    return clusters_of(
+        relation, [room for room in rooms if _encloses(scene.surfaces, relation.rows[room])]
+    )
 
 
 def _absorb(groups: list[list[int]], relation: Relation) -> list[list[int]]:

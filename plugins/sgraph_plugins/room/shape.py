@@ -49,7 +49,7 @@ def outline(surfaces: SurfaceArrays) -> shapely.Polygon | None:
     The lines of the surfaces, and the convex hull around them, cut the plane into faces. A face
     is inside when the surfaces wind around it: generalised winding number above one half
     (Jacobson et al., "Robust Inside-Outside Segmentation using Generalized Winding Numbers", 2013),
-    which needs no closed outline.
+    which needs no closed outline, and which no point outside the hull reaches.
     """
     hull = shapely.convex_hull(shapely.multipoints(surfaces.segments.reshape(-1, 2)))
     if not isinstance(hull, shapely.Polygon):
@@ -66,8 +66,14 @@ def outline(surfaces: SurfaceArrays) -> shapely.Polygon | None:
     whole = shapely.get_parts(shapely.union_all(inside, grid_size=GRID_M))
     if not len(whole):
         return None
-    largest = whole[np.argmax(shapely.area(whole))].simplify(1e-3)
-    return largest if isinstance(largest, shapely.Polygon) and largest.area > 0 else None
+    return _without_needless_points(whole[np.argmax(shapely.area(whole))])
+
+
+def _without_needless_points(polygon: shapely.Polygon) -> shapely.Polygon:
+    """Drop the points on straight edges, where the lines of other surfaces cross them."""
+    # normalize lets the rings begin at a corner: simplify keeps the point they begin with
+    simple = polygon.normalize().simplify(1e-3, preserve_topology=False)
+    return simple if isinstance(simple, shapely.Polygon) and simple.is_valid else polygon
 
 
 def _lines(surfaces: SurfaceArrays, hull: shapely.Polygon) -> list[shapely.LineString]:
@@ -92,8 +98,8 @@ def _lines(surfaces: SurfaceArrays, hull: shapely.Polygon) -> list[shapely.LineS
         along, _ = in_frames(surfaces, np.repeat(lead, len(group)), surfaces.segments[group])
         ends = np.array([along.min() - reach, along.max() + reach])
         points = surfaces.midpoints[lead] + ends[:, None] * surfaces.tangents[lead]
-        lines.append(shapely.LineString(points).intersection(hull))
-    return [line for line in lines if isinstance(line, shapely.LineString) and not line.is_empty]
+        lines.append(shapely.LineString(points))
+    return lines
 
 
 def _winding(surfaces: SurfaceArrays, points: FloatArray) -> FloatArray:

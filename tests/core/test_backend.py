@@ -1,0 +1,335 @@
+"""The factor graph: optima solved by hand, what informs and what does not, what is refused."""
+
+from __future__ import annotations
+
+import gtsam
+import numpy as np
+import pytest
+from drive import WALL_M, Drive, drive
+from plans import block
+
+from sgraph_concepts.errors import ConceptError, OptimizationError
+from sgraph_concepts.types import ConceptNode, FactorContext, FloatArray, NodeShape
+from sgraph_core import infer
+from sgraph_core.backend import Keys, concept_factors, low_layers, optimize
+from sgraph_core.backend.published import centre_of
+from sgraph_core.backend.published import factors as published
+from sgraph_core.backend.ties import TieNoise, tie_planes
+from sgraph_core.evaluation.trajectory import ate_rmse
+from sgraph_core.graph import SGraph
+
+LEVEL = [0, 0, 0, 0, 0, 0, 1]
+KEYS = Keys()
+
+
+def line_of_two() -> SGraph:
+    """Two keyframes on the x axis that see one wall ahead of them."""
+    graph = SGraph()
+    graph.add_keyframe(0, LEVEL)
+    graph.add_keyframe(1, [1, 0, 0, 0, 0, 0, 1])
+    graph.add_odometry(0, 1, [1, 0, 0, 0, 0, 0, 1], [0.1] * 6)
+    graph.add_wall_surface(0, [[5, -1], [5, 1]], [-1, 0])
+    graph.observe(0, 0, [-1, 0, 0, 5.0], [0.1, 0.1])
+    graph.observe(0, 1, [-1, 0, 0, 3.9], [0.1, 0.1])
+    return graph
+
+
+def test_the_low_layers_reach_the_optimum_solved_by_hand() -> None:
+    """Minimise (x - 1)^2 + (p - 5)^2 + (p - x - 3.9)^2: x = 31/30, p = 149/30."""
+    result = optimize(line_of_two()).graph
+    assert result.keyframe(1).pose[:3] == pytest.approx([31 / 30, 0, 0], abs=1e-4)
+    assert result.wall_surface(0).segment[:, 0] == pytest.approx([149 / 30] * 2, abs=1e-4)
+
+
+def test_a_consistent_graph_has_no_error() -> None:
+    graph = line_of_two()
+    consistent = SGraph()
+    consistent.add_keyframe(0, LEVEL)
+    consistent.add_keyframe(1, [1, 0, 0, 0, 0, 0, 1])
+    consistent.add_odometry(0, 1, [1, 0, 0, 0, 0, 0, 1], [0.1] * 6)
+    consistent.add_wall_surface(0, [[5, -1], [5, 1]], [-1, 0])
+    consistent.observe(0, 1, [-1, 0, 0, 4.0], [0.1, 0.1])
+    low = low_layers(consistent)
+    assert low.graph.error(low.values) == pytest.approx(0, abs=1e-12)
+    assert low_layers(graph).graph.error(low_layers(graph).values) > 0.1
+
+
+def facing_wall(gap_seen: float) -> SGraph:
+    """Two keyframes on either side of a wall, each sees its own side."""
+    graph = SGraph()
+    graph.add_keyframe(0, LEVEL)
+    graph.add_keyframe(1, [5, 0, 0, 0, 0, 0, 1])
+    graph.add_odometry(0, 1, [5, 0, 0, 0, 0, 0, 1], [1e-4] * 6)
+    graph.add_wall_surface(10, [[2, -1], [2, 1]], [-1, 0])
+    graph.add_wall_surface(11, [[2 + gap_seen, -1], [2 + gap_seen, 1]], [1, 0])
+    graph.observe(10, 0, [-1, 0, 0, 2.0], [0.1, 0.1])
+    graph.observe(11, 1, [1, 0, 0, 3.0 - gap_seen], [0.1, 0.1])
+    return graph
+
+
+def test_a_tie_reaches_the_optimum_solved_by_hand() -> None:
+    """Sides seen at 2.0 and 2.3, tied at 0.2 with variance s^2, seen with variance q^2.
+
+    The excess of 0.1 is shared: each side moves by 0.1 q^2 / (2 q^2 + s^2).
+    """
+    graph, s, q = facing_wall(0.3), 0.05, 0.1
+    low = low_layers(graph)
+    tie = tie_planes(
+        (KEYS.surface(10), KEYS.surface(11)),
+        KEYS.node("wall", 0, 0),
+        np.array([2.15, 0.0]),
+        np.array([-1.0, 0.0]),
+        0.2,
+        TieNoise(0.01, s),
+    )
+    factors, values = gtsam.NonlinearFactorGraph(low.graph), gtsam.Values(low.values)
+    for factor in tie.factors:
+        factors.add(factor)
+    for key, value in tie.values:
+        values.insert(key, value)
+    solved = gtsam.LevenbergMarquardtOptimizer(factors, values).optimize()
+    moved = 0.1 * q**2 / (2 * q**2 + s**2)
+    near = solved.atOrientedPlane3(KEYS.surface(10)).planeCoefficients()
+    far = solved.atOrientedPlane3(KEYS.surface(11)).planeCoefficients()
+    assert near == pytest.approx([-1, 0, 0, 2 + moved], abs=1e-4)
+    assert far == pytest.approx([1, 0, 0, -(2.3 - moved)], abs=1e-4)
+
+
+def test_a_tie_of_coinciding_planes_brings_them_together() -> None:
+    low = low_layers(line_of_two())
+    values, factors = gtsam.Values(low.values), gtsam.NonlinearFactorGraph(low.graph)
+    other = KEYS.surface(1)
+    values.insert(other, gtsam.OrientedPlane3(-1, 0, 0, 5.4))
+    tie = tie_planes(
+        (KEYS.surface(0), other),
+        KEYS.node("room", 0, 0),
+        np.array([5.2, 0.0]),
+        np.array([-1.0, 0.0]),
+        None,
+        TieNoise(0.01, 0.01),
+    )
+    for factor in tie.factors:
+        factors.add(factor)
+    for key, value in tie.values:
+        values.insert(key, value)
+    solved = gtsam.LevenbergMarquardtOptimizer(factors, values).optimize()
+    planes = [solved.atOrientedPlane3(key).planeCoefficients() for key in (KEYS.surface(0), other)]
+    assert planes[0] == pytest.approx(planes[1], abs=1e-5)
+
+
+# -- the published factor ----------------------------------------------------------------------
+
+
+def test_the_published_centre_is_midway_between_opposed_planes() -> None:
+    room = np.array([[1, 0, 0, 0], [-1, 0, 0, 6], [0, 1, 0, -1], [0, -1, 0, 5]], float)
+    assert centre_of(np.array([1.0, 4.0]), room) == pytest.approx([3, 3])
+    corridor = room[:2]
+    assert centre_of(np.array([1.0, 4.0]), corridor) == pytest.approx([3, 4])
+    wall = np.array([[-1, 0, 0, 2], [1, 0, 0, -2.2]], float)
+    assert centre_of(np.array([0.0, 7.0]), wall) == pytest.approx([2.1, 7])
+
+
+def test_the_published_factors_jacobian_is_the_derivative_of_its_error() -> None:
+    planes = {
+        0: np.array([0.8, 0.6, 0, 1.0]),
+        1: np.array([-1.0, 0, 0, 4]),
+        2: np.array([0, 1.0, 0, 2]),
+    }
+    node = ConceptNode(0, (0, 1, 2), shape=NodeShape(centre=(1.0, 0.5)))
+    keys = {member: KEYS.surface(member) for member in planes}
+    context = FactorContext(keys, planes, {}, [node], lambda n: KEYS.node("room", 0, n))
+    result = published(node, context)
+    values = gtsam.Values()
+    for member, plane in planes.items():
+        values.insert(keys[member], gtsam.OrientedPlane3(*plane))
+    values.insert(result.values[0][0], gtsam.Point2(0.3, -0.2))
+    factor = result.factors[0]
+    linear = factor.linearize(values)
+    jacobian, rhs = linear.jacobian()
+    step = 1e-5
+    for column in range(jacobian.shape[1]):
+        moved = []
+        for sign in (1, -1):
+            delta, start = gtsam.VectorValues(), 0
+            for key in linear.keys():  # noqa: SIM118
+                width = values.zeroVectors().at(key).size
+                part = np.zeros(width)
+                if start <= column < start + width:
+                    part[column - start] = sign * step
+                delta.insert(key, part)
+                start += width
+            moved.append(-factor.linearize(values.retract(delta)).jacobian()[1])
+        numeric = (moved[0] - moved[1]) / (2 * step)
+        assert jacobian[:, column] == pytest.approx(numeric, abs=1e-4)
+    assert -rhs == pytest.approx(
+        (np.array([0.3, -0.2]) - centre_of(np.array([1.0, 0.5]), np.array(list(planes.values()))))
+        / 0.1,
+        abs=1e-6,
+    )
+
+
+# -- what informs ------------------------------------------------------------------------------
+
+
+def covariances(graph: SGraph, factor: str) -> tuple[FloatArray, FloatArray]:
+    """Return the covariance traces of all poses and of all planes, at the map as it is."""
+    low = low_layers(graph)
+    extra = concept_factors(graph, factor_types={"wall": factor})
+    factors, values = gtsam.NonlinearFactorGraph(low.graph), gtsam.Values(low.values)
+    factors.push_back(extra.graph)
+    values.insert(extra.values)
+    values = gtsam.LevenbergMarquardtOptimizer(factors, values).optimize()
+    marginals = gtsam.Marginals(factors, values)
+    poses = [KEYS.keyframe(i) for i in graph.keyframes.ids.tolist()]
+    planes = [KEYS.surface(i) for i in low.surfaces]
+    return tuple(  # type: ignore[return-value]
+        np.array([np.trace(marginals.marginalCovariance(key)) for key in keys])
+        for keys in (poses, planes)
+    )
+
+
+def with_walls(simulated: Drive) -> SGraph:
+    graph = simulated.graph.copy()
+    graph.concepts["wall"] = simulated.walls
+    return graph
+
+
+def test_wall_ties_inform_about_planes_and_the_published_factor_does_not() -> None:
+    graph = with_walls(drive(0))
+    poses, planes = covariances(graph, "none")
+    published_poses, published_planes = covariances(graph, "published")
+    tied_poses, tied_planes = covariances(graph, "sgraph_plugins.wall.factor:factors")
+    assert published_poses == pytest.approx(poses, rel=1e-4)
+    assert published_planes == pytest.approx(planes, rel=1e-4)
+    of_walls = sorted({member for wall in graph.concepts["wall"] for member in wall.members})
+    rows = np.searchsorted(np.unique(graph.observations.surface_ids), of_walls)
+    assert (tied_planes[rows] < 0.999 * planes[rows]).all()
+    assert tied_planes[rows].mean() < 0.7 * planes[rows].mean()
+    assert tied_poses[-1] < 0.8 * poses[-1]
+
+
+def error_of(simulated: Drive, factor: str) -> float:
+    solved = optimize(with_walls(simulated), {"wall": factor}).graph
+    return ate_rmse(solved.keyframes.poses[:, :3], simulated.positions)
+
+
+def test_wall_ties_straighten_a_drifted_trajectory_and_the_published_factor_does_not() -> None:
+    seeds = [drive(seed) for seed in range(12)]
+    plain = np.array([error_of(s, "none") for s in seeds])
+    as_published = np.array([error_of(s, "published") for s in seeds])
+    tied = np.array([error_of(s, "sgraph_plugins.wall.factor:factors") for s in seeds])
+    assert as_published == pytest.approx(plain, rel=1e-3)
+    assert np.median(tied / plain) < 0.8
+    assert (tied < plain).sum() >= 10
+
+
+def test_what_was_inferred_from_the_demonstration_map_improves_it(demo_map: object) -> None:
+    from pathlib import Path
+
+    from sgraph_core import load
+    from sgraph_core.evaluation.trajectory import read_tum, trajectory_error
+
+    graph = load(str(demo_map))
+    reference = read_tum(Path(str(demo_map)).with_suffix(".tum"))
+    planes_only = optimize(graph).graph
+    improved = infer(graph, optimize=True)
+    before = trajectory_error(graph, *reference)
+    assert trajectory_error(planes_only, *reference) < 0.1 * before
+    assert trajectory_error(improved, *reference) < 0.95 * trajectory_error(planes_only, *reference)
+
+
+# -- the S-Graph afterwards ----------------------------------------------------------------------
+
+
+def test_surfaces_lie_on_their_planes_and_unobserved_ones_stay() -> None:
+    graph = with_walls(drive(3))
+    unseen = len(graph.wall_surfaces.ids)
+    graph.add_wall_surface(unseen, [[20, 0], [24, 0]], [0, 1])
+    solved = optimize(graph)
+    result = solved.graph
+    for surface in np.unique(graph.observations.surface_ids).tolist():
+        plane = solved.values.atOrientedPlane3(KEYS.surface(surface)).planeCoefficients()
+        ends = np.column_stack([result.wall_surface(surface).segment, np.zeros(2)])
+        assert ends @ plane[:3] + plane[3] == pytest.approx([0, 0], abs=1e-3)
+        before = graph.wall_surface(surface)
+        assert before.normal @ result.wall_surface(surface).normal > 0.5
+    assert (result.wall_surface(unseen).segment == graph.wall_surface(unseen).segment).all()
+
+
+def test_a_wrong_wall_is_switched_off_and_does_not_bend_the_map() -> None:
+    simulated = drive(1)
+    graph = with_walls(simulated)
+    right = optimize(graph)
+    assert right.switched_off == []
+    wrong = ConceptNode(
+        99, (0, 2), shape=NodeShape(centre=(2.5, 2.0), thickness=WALL_M), confidence=0.9
+    )  # the south and the north side of one room: 4 m apart, and facing each other
+    graph.concepts["wall"] = [*simulated.walls, wrong]
+    result = optimize(graph)
+    assert ("wall", 99) in result.switched_off
+    bent = np.abs(result.graph.keyframes.poses - right.graph.keyframes.poses).max()
+    assert bent < 0.01
+
+
+def test_factors_go_into_a_graph_of_ones_own() -> None:
+    """One's own keys, ISAM2, and gtsam objects that outlive the call."""
+    graph = with_walls(drive(2))
+    own = Keys(
+        keyframe=lambda i: 1000 + i,
+        surface=lambda i: 5000 + i,
+        node=lambda _c, i, v: 9000 + 10 * i + v,
+    )
+    low, concepts = low_layers(graph, own), concept_factors(graph, own)
+    isam = gtsam.ISAM2()
+    isam.update(low.graph, low.values)
+    before = isam.calculateEstimate().atPose3(1005)
+    isam.update(concepts.graph, concepts.values)
+    isam.update()
+    after = isam.calculateEstimate().atPose3(1005)
+    assert 0 < before.range(after) < 1.0
+    assert {key for key in concepts.values.keys() if key < 9000} == set()  # noqa: SIM118
+    assert sum(map(len, concepts.of_node.values())) == concepts.graph.size()
+
+
+def test_an_unobserved_side_leaves_its_wall_out() -> None:
+    graph = facing_wall(0.2)
+    graph.add_wall_surface(12, [[8, -1], [8, 1]], [-1, 0])
+    graph.concepts["wall"] = [
+        ConceptNode(0, (10, 11), shape=NodeShape(centre=(2.1, 0), thickness=0.2)),
+        ConceptNode(1, (11, 12), shape=NodeShape(centre=(5, 0), thickness=0.2)),
+    ]
+    assert list(concept_factors(graph).of_node) == [("wall", 0)]
+
+
+# -- what is refused ---------------------------------------------------------------------------
+
+
+def test_a_map_without_keyframes_cannot_be_optimised() -> None:
+    with pytest.raises(OptimizationError, match="0 keyframes and 0 observations"):
+        optimize(block(0.1))
+
+
+def test_keyframes_without_odometry_are_named() -> None:
+    graph = line_of_two()
+    graph.add_keyframe(7, LEVEL)
+    graph.add_keyframe(8, LEVEL)
+    with pytest.raises(OptimizationError, match=r"connect keyframe 7 to keyframe 0 \(nor 1 others"):
+        optimize(graph)
+
+
+def test_unknown_factor_types_are_named() -> None:
+    graph = with_walls(drive(0))
+    with pytest.raises(ConceptError, match="factor of concept 'wall': 'fancy' is neither"):
+        optimize(graph, {"wall": "fancy"})
+    with pytest.raises(ConceptError, match="no concept 'roof'"):
+        optimize(graph, {"roof": "none"})
+
+
+def test_a_factor_function_that_fails_is_named_and_the_graph_unchanged() -> None:
+    graph = with_walls(drive(0))
+    poses = graph.keyframes.poses.copy()
+    with pytest.raises(ConceptError, match="factor of wall 0 fails: division by zero"):
+        optimize(graph, {"wall": "zone:failing_factor"})
+    with pytest.raises(ConceptError, match="must return a FactorResult"):
+        optimize(graph, {"wall": "zone:no_factor"})
+    assert (graph.keyframes.poses == poses).all()

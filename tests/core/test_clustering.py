@@ -1,0 +1,156 @@
+"""Algorithm 1, its bound, and multicut."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from plans import plan, rectangle
+
+from sgraph_concepts.types import ScoredEdges
+from sgraph_core.clustering import cycles
+from sgraph_core.clustering.canonical import Relation
+from sgraph_core.clustering.confidence import clusters_of
+from sgraph_core.clustering.cycles import cycle_sets
+from sgraph_core.clustering.multicut import multicut
+from sgraph_core.proximity import build_scene
+
+Edges = list[tuple[int, int]]
+
+
+def ring(*nodes: int) -> Edges:
+    return [(min(a, b), max(a, b)) for a, b in zip(nodes, (*nodes[1:], nodes[0]), strict=True)]
+
+
+def sets_of(count: int, edges: Edges) -> list[list[int]]:
+    pairs = np.array(sorted(set(edges)), np.int64).reshape(-1, 2)
+    return cycle_sets(count, pairs, np.ones(len(pairs)))
+
+
+def test_a_ring_is_one_room() -> None:
+    assert sets_of(4, ring(0, 1, 2, 3)) == [[0, 1, 2, 3]]
+
+
+def test_the_longest_cycle_comes_first() -> None:
+    # two triangles that share the edge 0-2 make a cycle of four
+    assert sets_of(4, ring(0, 1, 2) + ring(0, 2, 3)) == [[0, 1, 2, 3]]
+
+
+def test_among_cycles_of_one_length_the_most_frequent_set_wins() -> None:
+    # {0, 1, 2, 3} is fully linked: three cycles of four; {2, 3, 4, 5} is a ring: one
+    edges = [*combinations(range(4), 2), (3, 4), (4, 5), (2, 5)]
+    pairs = np.array(edges, np.int64)
+    found = cycle_sets(6, pairs, np.ones(len(pairs)))
+    assert found == [[0, 1, 2, 3, 4, 5]]  # a cycle through all six is longer still
+    thinned = [e for e in edges if e != (2, 5)] + [(3, 5)]  # now 3-4-5 only touches node 3
+    pairs = np.array(sorted(thinned), np.int64)
+    assert cycle_sets(6, pairs, np.ones(len(pairs))) == [[0, 1, 2, 3]]
+
+
+def test_rooms_joined_by_one_wrong_edge_stay_apart() -> None:
+    assert sets_of(8, [*ring(0, 1, 2, 3), *ring(4, 5, 6, 7), (3, 4)]) == [
+        [0, 1, 2, 3],
+        [4, 5, 6, 7],
+    ]
+
+
+def test_trees_and_unlikely_edges_give_nothing() -> None:
+    assert sets_of(4, [(0, 1), (1, 2), (2, 3)]) == []
+    pairs = np.array(ring(0, 1, 2), np.int64)
+    assert cycle_sets(3, pairs, np.array([1.0, 1.0, -1.0])) == []
+    assert cycle_sets(0, np.empty((0, 2), np.int64), np.empty(0)) == []
+
+
+def test_a_clique_beyond_the_bound_falls_back_to_multicut(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Twelve mutually linked surfaces hold 19,958,400 cycles of length 12 alone."""
+    counted = 0
+    every_cycle = cycles.nx.simple_cycles
+
+    def count(*args: object) -> object:
+        nonlocal counted
+        for cycle in every_cycle(*args):
+            counted += 1
+            yield cycle
+
+    monkeypatch.setattr(cycles.nx, "simple_cycles", count)
+    assert sets_of(12, list(combinations(range(12), 2))) == [list(range(12))]
+    assert counted == cycles.MOST_CYCLES + 1
+
+
+def test_beyond_the_bound_negative_edges_still_separate() -> None:
+    rooms = [range(12), range(12, 24)]
+    inside = [pair for room in rooms for pair in combinations(room, 2)]
+    wrong = [(0, 12), (1, 13)]  # two wrong edges make one block of both rooms
+    against = [(a, b) for a in range(2, 12) for b in range(14, 24)]
+    pairs = np.array(sorted(inside + wrong + against), np.int64)
+    weight = {
+        **dict.fromkeys(inside, 1.0),
+        **dict.fromkeys(wrong, 0.5),
+        **dict.fromkeys(against, -2.0),
+    }
+    logits = np.array([weight[pair] for pair in map(tuple, pairs.tolist())])
+    assert cycle_sets(24, pairs, logits) == [list(room) for room in rooms]
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=30, deadline=None)
+def test_cycles_do_not_depend_on_the_order_of_rows(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    scene = build_scene(
+        plan(rectangle(0, 0, 5, 4), rectangle(5.2, 0, 5, 4)).wall_surfaces.ordered()
+    )
+    edges = ScoredEdges(scene.pairs, rng.normal(0.5, 1, len(scene.pairs)))
+    order = rng.permutation(len(scene.pairs))
+    shuffled = ScoredEdges(edges.pairs[order], edges.logits[order])
+    assert cycles.cluster(edges, scene) == cycles.cluster(shuffled, scene)
+
+
+def objective(labels: tuple[int, ...], pairs: np.ndarray, weights: np.ndarray) -> float:
+    same = np.array([labels[a] == labels[b] for a, b in pairs])
+    return float(weights[same].sum())
+
+
+def partitions(count: int) -> list[tuple[int, ...]]:
+    found = [(0,)]
+    for _ in range(count - 1):
+        found = [(*p, label) for p in found for label in range(max(p) + 2)]
+    return found
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=60, deadline=None)
+def test_multicut_comes_close_to_the_best_partition(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    pairs = np.array(list(combinations(range(6), 2)))
+    weights = rng.normal(0, 1, len(pairs))
+    labels = np.empty(6, int)
+    for number, group in enumerate(multicut(6, pairs, weights)):
+        labels[group] = number
+    best = max(objective(p, pairs, weights) for p in partitions(6))
+    found = objective(tuple(labels), pairs, weights)
+    assert 0.6 * best <= found <= best + 1e-9
+
+
+def test_multicut_finds_clear_partitions_exactly() -> None:
+    pairs = np.array(list(combinations(range(7), 2)))
+    together = [{0, 1, 2}, {3, 4, 5, 6}]
+    weights = np.array([1.0 if any({a, b} <= t for t in together) else -1.0 for a, b in pairs])
+    assert multicut(7, pairs, weights) == [[0, 1, 2], [3, 4, 5, 6]]
+
+
+def test_multicut_leaves_numbers_without_edges_alone() -> None:
+    assert multicut(3, np.empty((0, 2), np.int64), np.empty(0)) == [[0], [1], [2]]
+    assert multicut(0, np.empty((0, 2), np.int64), np.empty(0)) == []
+
+
+def test_confidence_is_the_mean_probability_of_the_decisions() -> None:
+    pairs = np.array([[0, 1], [1, 2], [2, 3]])
+    edges = ScoredEdges(pairs, np.log(np.array([0.9 / 0.1, 0.8 / 0.2, 0.3 / 0.7])))
+    (cluster,) = clusters_of(Relation(np.arange(4), edges.pairs, edges.logits), [[2, 0, 1]])
+    assert cluster.members == (0, 1, 2)
+    assert cluster.confidence == pytest.approx((0.9 + 0.8 + 0.7) / 3)

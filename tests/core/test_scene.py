@@ -1,0 +1,196 @@
+"""Visibility, neighbours and features: facts of geometry, and what must not change them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from plans import L_SHAPE, block, plan, rectangle
+
+from sgraph_concepts.types import IntArray, Scene, SurfaceArrays
+from sgraph_core.features import (
+    EDGE_FEATURES,
+    NODE_FEATURES,
+    edge_features,
+    edge_index,
+    node_features,
+)
+from sgraph_core.graph import SGraph
+from sgraph_core.proximity import build_scene
+from sgraph_core.visibility import facing_pairs, nearest, visibility
+
+
+def seen(graph: SGraph, one: int, two: int) -> list[float]:
+    return visibility(graph.wall_surfaces.ordered(), np.array([[one, two]]))[0].tolist()
+
+
+def test_opposite_sides_of_a_room_see_all_of_each_other() -> None:
+    assert seen(plan(rectangle(0, 0, 5, 4)), 0, 2) == [1, 1, 1, 1]
+
+
+def test_surfaces_back_to_back_see_nothing_of_each_other() -> None:
+    graph = plan(rectangle(0, 0, 5, 4), rectangle(5.1, 0, 5, 4))
+    assert seen(graph, 1, 7)[0] == 0
+    assert seen(graph, 3, 5)[0] == 0  # two walls stand between these
+
+
+def test_a_doorway_lets_some_lines_of_sight_through_until_it_is_closed() -> None:
+    graph = SGraph()
+    graph.add_wall_surface(0, [[0, 0], [0, 4]], [1, 0])  # far side of the west room
+    graph.add_wall_surface(1, [[10, 0], [10, 4]], [-1, 0])  # far side of the east room
+    for number, (x, side) in enumerate(((5.0, -1), (5.1, 1))):  # the wall, with a 1 m door
+        graph.add_wall_surface(2 + 2 * number, [[x, 0], [x, 1.5]], [side, 0])
+        graph.add_wall_surface(3 + 2 * number, [[x, 2.5], [x, 4]], [side, 0])
+    free, door_closed, wide_closed, all_closed = seen(graph, 0, 1)
+    assert 0 < free < 0.6
+    assert (door_closed, wide_closed, all_closed) == (0, 0, 0)
+
+
+def test_a_wide_opening_is_closed_only_by_the_wider_gaps() -> None:
+    graph = SGraph()
+    graph.add_wall_surface(0, [[0, 0], [0, 6]], [1, 0])
+    graph.add_wall_surface(1, [[8, 0], [8, 6]], [-1, 0])
+    graph.add_wall_surface(2, [[4, 0], [4, 2]], [-1, 0])
+    graph.add_wall_surface(3, [[4, 4.5], [4, 6]], [-1, 0])
+    free, door_closed, wide_closed, all_closed = seen(graph, 0, 1)
+    assert free == door_closed > 0
+    assert (wide_closed, all_closed) == (0, 0)
+
+
+def brute_force_visibility(surfaces: SurfaceArrays, pairs: IntArray) -> np.ndarray:
+    """The definition, ray by ray."""
+    import shapely
+
+    from sgraph_core.visibility import CLEARANCE_M, FRACTIONS
+
+    shares = []
+    for one, two in pairs:
+        count = 0
+        for a in FRACTIONS:
+            for b in FRACTIONS:
+                start = (1 - a) * surfaces.segments[one, 0] + a * surfaces.segments[one, 1]
+                end = (1 - b) * surfaces.segments[two, 0] + b * surfaces.segments[two, 1]
+                start = start + CLEARANCE_M * surfaces.normals[one]
+                end = end + CLEARANCE_M * surfaces.normals[two]
+                ray = shapely.LineString([start, end])
+                faces = (end - start) @ surfaces.normals[one] > 0
+                faces = faces and (end - start) @ surfaces.normals[two] < 0
+                others = [k for k in range(len(surfaces)) if k not in (one, two)]
+                blocked = any(
+                    ray.intersects(shapely.LineString(surfaces.segments[k])) for k in others
+                )
+                count += faces and not blocked
+        shares.append(count / len(FRACTIONS) ** 2)
+    return np.array(shares)
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=15, deadline=None)
+def test_visibility_equals_its_definition(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    graph = SGraph()
+    for number in range(14):
+        start, angle = rng.uniform(0, 8, 2), rng.uniform(0, 2 * np.pi)
+        along = np.array([np.cos(angle), np.sin(angle)])
+        normal = [-along[1], along[0]]
+        graph.add_wall_surface(number, [start, start + rng.uniform(0.5, 4) * along], normal)
+    surfaces = graph.wall_surfaces.ordered()
+    pairs = np.stack(np.triu_indices(14, k=1), axis=1)
+    assert visibility(surfaces, pairs)[:, 0] == pytest.approx(
+        brute_force_visibility(surfaces, pairs)
+    )
+
+
+def test_facing_pairs_are_those_in_front_of_each_other() -> None:
+    graph = plan(rectangle(0, 0, 5, 4), rectangle(5.1, 0, 5, 4))
+    pairs = {tuple(pair) for pair in facing_pairs(graph.wall_surfaces.ordered(), 30).tolist()}
+    assert {(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)} <= pairs
+    assert (1, 7) not in pairs  # back to back
+    assert (3, 5) in pairs  # facing, although walls stand between
+
+
+def test_facing_pairs_keep_the_nearest_only() -> None:
+    rows = [rectangle(6.0 * k, 0, 5, 4) for k in range(12)]
+    surfaces = plan(*rows).wall_surfaces.ordered()
+    few, many = facing_pairs(surfaces, 4), facing_pairs(surfaces, 40)
+    assert len(few) < len(many)
+    assert {tuple(p) for p in few.tolist()} <= {tuple(p) for p in many.tolist()}
+
+
+def test_nearest_keeps_ties() -> None:
+    groups = np.array([0, 0, 0, 0, 1])
+    distances = np.array([2.0, 1.0, 1.0, 3.0, 9.0])
+    assert nearest(groups, distances, 1).tolist() == [False, True, True, False, True]
+
+
+def test_the_two_sides_of_a_wall_are_linked_although_blind() -> None:
+    graph = block(0.3)
+    scene = build_scene(graph.wall_surfaces.ordered())
+    pairs = {tuple(p) for p in scene.pairs.tolist()}
+    assert {(1, 7), (9, 15), (2, 8), (6, 12)} <= pairs
+
+
+def test_an_empty_map_and_a_lone_surface_have_no_pairs() -> None:
+    assert len(build_scene(SGraph().wall_surfaces.ordered()).pairs) == 0
+    graph = SGraph()
+    graph.add_wall_surface(5, [[0, 0], [1, 0]], [0, 1])
+    assert len(build_scene(graph.wall_surfaces.ordered()).pairs) == 0
+
+
+def features(graph: SGraph) -> tuple[dict[int, np.ndarray], dict[tuple[int, int], np.ndarray]]:
+    """Return node features by id, edge features by ids (j, i)."""
+    scene = build_scene(graph.wall_surfaces.ordered())
+    ids = scene.surfaces.ids
+    nodes = dict(zip(ids.tolist(), node_features(scene), strict=True))
+    ends = [tuple(pair) for pair in ids[edge_index(scene)].T.tolist()]
+    return nodes, dict(zip(ends, edge_features(scene), strict=True))
+
+
+def assert_same_features(one: SGraph, two: SGraph) -> None:
+    (nodes, edges), (other_nodes, other_edges) = features(one), features(two)
+    assert set(edges) == set(other_edges)
+    for key, value in nodes.items():
+        assert other_nodes[key] == pytest.approx(value, abs=1e-5)
+    for pair, value in edges.items():
+        assert other_edges[pair] == pytest.approx(value, abs=1e-5)
+
+
+@pytest.mark.parametrize("offset", [(0.0, 0.0), (3.7, -12.1), (500_000.0, 5_400_000.0)])
+@pytest.mark.parametrize("angle", [0.0, 0.3, np.pi / 4, np.pi / 2, 3.0])
+def test_features_do_not_change_when_the_map_is_moved_or_turned(
+    angle: float, offset: tuple[float, float]
+) -> None:
+    rooms = (L_SHAPE, rectangle(8.15, 0, 5, 4), rectangle(0, 7.2, 6, 5))
+    assert_same_features(plan(*rooms), plan(*rooms, angle_rad=angle, offset=offset))
+
+
+@given(st.randoms(use_true_random=False))
+@settings(max_examples=20, deadline=None)
+def test_features_do_not_depend_on_the_order_of_surfaces_and_endpoints(random: object) -> None:
+    graph = block(0.15)
+    table = graph.wall_surfaces
+    order = list(range(len(table.ids)))
+    random.shuffle(order)  # type: ignore[attr-defined]
+    shuffled = SGraph()
+    for row in order:
+        segment = table.segments[row]
+        if random.random() < 0.5:  # type: ignore[attr-defined]
+            segment = segment[::-1]
+        shuffled.add_wall_surface(int(table.ids[row]), segment, table.normals[row])
+    assert_same_features(graph, shuffled)
+
+
+def test_every_feature_is_named_and_finite() -> None:
+    scene: Scene = build_scene(block(0.06, 0.7).wall_surfaces.ordered())
+    nodes, edges = node_features(scene), edge_features(scene)
+    assert nodes.shape == (16, len(NODE_FEATURES))
+    assert edges.shape == (2 * len(scene.pairs), len(EDGE_FEATURES))
+    assert np.isfinite(nodes).all()
+    assert np.isfinite(edges).all()
+
+
+def test_edges_come_in_both_directions() -> None:
+    scene = build_scene(block(0.1).wall_surfaces.ordered())
+    forward, backward = np.split(edge_index(scene), 2, axis=1)
+    assert (forward[::-1] == backward).all()

@@ -1,0 +1,162 @@
+"""Training end to end on few floors: whole files, exact resumption, clear refusals."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from plans import block
+
+from sgraph_concepts.errors import ConceptError, TrainingError
+from sgraph_concepts.spec import ConceptSpec, HeadSpec
+from sgraph_core.concepts import installed, new_registry
+from sgraph_core.features import edge_index
+from sgraph_core.network.runtime import Network
+from sgraph_core.proximity import build_scene
+from sgraph_core.synth.config import BuildingConfig
+from sgraph_core.training import trainer
+from sgraph_core.training.config import TrainingConfig
+from sgraph_core.training.samples import sample_floor
+
+SMALL = TrainingConfig(floors=4, validation_floors=2, steps=6, floors_per_step=2, hidden=8)
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("trained")
+    trainer.train(SMALL, folder, installed())
+    return folder
+
+
+def test_a_run_leaves_weights_that_infer(trained: Path) -> None:
+    network = Network(trained / "encoder.onnx")
+    nodes, edges = network.encode(build_scene(block(0.1).wall_surfaces.ordered()))
+    assert nodes.shape[1] == edges.shape[1] == 8
+    for name in ("room.onnx", "wall.onnx", "encoder.safetensors"):
+        assert (trained / name).stat().st_size > 0
+
+
+def test_the_record_says_how_the_weights_came_about(trained: Path) -> None:
+    record = json.loads((trained / "training.json").read_text())
+    assert TrainingConfig.model_validate(record["config"]) == SMALL
+    assert record["concepts"] == ["room", "wall"]
+    assert {"torch", "sgraph-concepts"} <= set(record["versions"])
+    assert record["history"][-1]["step"] == 6
+    assert np.isfinite(record["history"][-1]["validation room"])
+
+
+def test_an_interrupted_run_ends_with_the_same_weights(
+    trained: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(trainer, "STEPS_PER_CHECKPOINT", 2)
+
+    def interrupt(what: str, done: int, _total: int) -> None:
+        if (what, done) == ("training", 3):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        trainer.train(SMALL, tmp_path, installed(), progress=interrupt)
+    assert not (tmp_path / "encoder.onnx").exists()
+    trainer.train(SMALL, tmp_path, installed(), resume=True)
+    for name in ("encoder.onnx", "encoder.safetensors", "room.onnx", "wall.onnx"):
+        assert (tmp_path / name).read_bytes() == (trained / name).read_bytes(), name
+
+
+def test_another_run_is_not_overwritten(trained: Path) -> None:
+    with pytest.raises(TrainingError, match="already holds a training run"):
+        trainer.train(SMALL, trained, installed())
+    other = SMALL.model_copy(update={"seed": 5})
+    with pytest.raises(TrainingError, match="another configuration"):
+        trainer.train(other, trained, installed(), resume=True)
+
+
+def test_there_must_be_something_to_resume(tmp_path: Path) -> None:
+    with pytest.raises(TrainingError, match="no training run to resume"):
+        trainer.train(SMALL, tmp_path, installed(), resume=True)
+
+
+def test_a_damaged_checkpoint_is_named(tmp_path: Path, trained: Path) -> None:
+    (tmp_path / "floors").symlink_to(trained / "floors")
+    (tmp_path / "run.json").write_text((trained / "run.json").read_text())
+    (tmp_path / "checkpoint.pt").write_bytes(b"not a checkpoint")
+    with pytest.raises(TrainingError, match=r"checkpoint\.pt: is no checkpoint of this run"):
+        trainer.train(SMALL, tmp_path, installed(), resume=True)
+
+
+def test_a_diverging_loss_ends_the_run_and_keeps_the_checkpoint(
+    tmp_path: Path, trained: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(trainer, "STEPS_PER_CHECKPOINT", 2)
+    (tmp_path / "floors").symlink_to(trained / "floors")
+    learn = trainer._Run.learn
+
+    def poisoned(run: trainer._Run, batch: trainer._Batch) -> None:
+        if run.step == 3:
+            with torch.no_grad():
+                run.encoder.layers[0].edge_update.bias.fill_(float("nan"))
+        learn(run, batch)
+
+    monkeypatch.setattr(trainer._Run, "learn", poisoned)
+    with pytest.raises(TrainingError, match="loss is nan at step 3: the last checkpoint is kept"):
+        trainer.train(SMALL, tmp_path, installed())
+    state = torch.load(tmp_path / "checkpoint.pt", weights_only=True)
+    assert state["step"] == 2
+
+
+def test_one_head_is_trained_on_the_shipped_encoder(tmp_path: Path) -> None:
+    config = TrainingConfig(floors=2, validation_floors=1, steps=2, floors_per_step=2)
+    record = trainer.train(config, tmp_path, installed(), concept="wall")
+    assert record["encoder_frozen"] is True
+    assert not (tmp_path / "encoder.onnx").exists()
+    network, scene = Network(), build_scene(block(0.1).wall_surfaces.ordered())
+    head, metadata = network._open(tmp_path / "wall.onnx")
+    assert metadata["encoder_fingerprint"] == network._fingerprint
+    nodes, edges = network.encode(scene)
+    (logits,) = head.run(None, {"x": nodes, "edge_index": edge_index(scene), "edge_attr": edges})
+    assert logits.shape == (2 * len(scene.pairs),)
+
+
+def test_concepts_that_cannot_be_trained_are_named(tmp_path: Path) -> None:
+    registry = new_registry()
+    registry.add(
+        ConceptSpec(
+            name="rule", relation="r", baseline="zone:everything", clusterer="zone:one_node"
+        )
+    )
+    with pytest.raises(ConceptError, match="'rule' cannot be trained: it needs a head"):
+        trainer.train(SMALL, tmp_path, registry, concept="rule")
+    with pytest.raises(ConceptError, match="no concept 'roof'"):
+        trainer.train(SMALL, tmp_path, registry, concept="roof")
+
+
+@pytest.mark.parametrize(
+    ("labeller", "message"),
+    [
+        ("zone:label_unknown_surface", r"labeller of concept 'zone' named row 9999 of \d+"),
+        ("zone:label_flat", r"labeller of concept 'zone' must return pairs of rows"),
+    ],
+)
+def test_labellers_that_return_nonsense_are_named(labeller: str, message: str) -> None:
+    registry = new_registry()
+    registry.add(
+        ConceptSpec(
+            name="zone",
+            relation="same_zone",
+            head=HeadSpec(weights="zone.onnx", encoder="1"),
+            clusterer="zone:one_node",
+            labeller=labeller,
+        )
+    )
+    with pytest.raises(ConceptError, match=message):
+        sample_floor(np.random.default_rng(0), BuildingConfig(), ["zone"], registry)
+
+
+def test_labels_cover_true_pairs_among_the_scenes_pairs() -> None:
+    sample = sample_floor(np.random.default_rng(1), BuildingConfig(), ["room", "wall"], installed())
+    count = sample.edge_index.shape[1] // 2
+    assert sample.labels["room"].shape == sample.labels["wall"].shape == (count,)
+    assert 0 < sample.labels["room"].mean() < 1
+    assert not (sample.labels["room"] & sample.labels["wall"]).any()

@@ -1,0 +1,152 @@
+"""Rooms: outlines, stray surfaces, facades."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from plans import L_SHAPE, Point, plan, rectangle, regular, turned
+
+from sgraph_concepts.types import Scene, ScoredEdges
+from sgraph_core.detector import Detector
+from sgraph_core.graph import SGraph
+from sgraph_core.proximity import build_scene
+from sgraph_plugins.room.cluster import cluster
+from sgraph_plugins.room.shape import outline
+
+
+def outline_of(graph: SGraph, *missing: int) -> shapely.Polygon:
+    arrays = graph.wall_surfaces.ordered()
+    keep = ~np.isin(arrays.ids, missing)
+    polygon = outline(arrays.take(keep))
+    assert polygon is not None
+    return polygon
+
+
+def agreement(polygon: shapely.Polygon, corners: list[Point]) -> float:
+    """Return the intersection over union."""
+    true = shapely.Polygon(corners)
+    return float(polygon.intersection(true).area / polygon.union(true).area)
+
+
+SHAPES = {
+    "rectangle": rectangle(0, 0, 6, 4),
+    "L": L_SHAPE,
+    "triangle": [(0, 0), (6, 0), (2, 5)],
+    "octagon": regular(8, 4),
+    "U": [(0, 0), (9, 0), (9, 6), (6, 6), (6, 2), (3, 2), (3, 6), (0, 6)],
+}
+
+
+@given(st.sampled_from(sorted(SHAPES)), st.floats(0, 2 * np.pi))
+@settings(deadline=None, max_examples=40)
+def test_a_closed_room_gets_its_outline_back_at_any_angle(name: str, angle: float) -> None:
+    polygon = outline_of(plan(SHAPES[name], angle_rad=angle))
+    assert agreement(polygon, turned(SHAPES[name], angle)) > 0.9999
+    assert len(polygon.exterior.coords) - 1 == len(SHAPES[name])
+
+
+def test_a_doorway_is_closed_by_a_straight_line() -> None:
+    graph = SGraph()
+    for number, (segment, normal) in enumerate(
+        [
+            ([[0, 0], [2, 0]], [0, 1]),
+            ([[3, 0], [6, 0]], [0, 1]),
+            ([[6, 0], [6, 4]], [-1, 0]),
+            ([[6, 4], [0, 4]], [0, -1]),
+            ([[0, 4], [0, 0]], [1, 0]),
+        ]
+    ):
+        graph.add_wall_surface(number, segment, normal)
+    polygon = outline_of(graph)
+    assert agreement(polygon, rectangle(0, 0, 6, 4)) > 0.9999
+    assert len(polygon.exterior.coords) - 1 == 4
+
+
+def test_a_missing_side_is_closed_between_its_neighbours() -> None:
+    assert agreement(outline_of(plan(SHAPES["rectangle"]), 2), SHAPES["rectangle"]) > 0.9999
+    assert agreement(outline_of(plan(L_SHAPE), 0), L_SHAPE) > 0.9999
+
+
+def test_two_long_sides_of_a_corridor_are_enough() -> None:
+    corridor = rectangle(0, 0, 15, 2)
+    assert agreement(outline_of(plan(corridor), 1, 3), corridor) > 0.9999
+
+
+def test_a_ring_corridor_has_a_hole(detector: Detector) -> None:
+    graph = plan(rectangle(0, 0, 20, 14))
+    core = [(2, 2), (2, 12), (18, 12), (18, 2)]  # clockwise: the normals point outwards
+    for number, (start, end) in enumerate(zip(core, core[1:] + core[:1], strict=True)):
+        along = np.subtract(end, start) / np.linalg.norm(np.subtract(end, start))
+        graph.add_wall_surface(10 + number, [start, end], [-along[1], along[0]])
+    (room,) = detector.infer(graph).concepts["room"]
+    assert room.members == (0, 1, 2, 3, 10, 11, 12, 13)
+    assert len(room.shape.holes) == 1
+    assert room.shape.attributes["area_m2"] == pytest.approx(20 * 14 - 16 * 10)
+    assert room.shape.centre is not None
+    x, y = room.shape.centre
+    assert not (2 < x < 18 and 2 < y < 12)  # the centre lies in the corridor, not in the core
+
+
+@given(st.integers(0, 1000))
+@settings(deadline=None, max_examples=25)
+def test_noise_changes_an_outline_little(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    arrays = plan(L_SHAPE).wall_surfaces.ordered()
+    noisy = SGraph()
+    for k, segment in enumerate(arrays.segments):
+        ends = segment + rng.normal(0, 0.02, (2, 2))
+        along = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
+        noisy.add_wall_surface(k, ends, [along[1], -along[0]])
+    assert agreement(outline_of(noisy), L_SHAPE) > 0.97
+
+
+def test_surfaces_that_enclose_nothing_have_no_outline() -> None:
+    graph = SGraph()
+    graph.add_wall_surface(0, [[0, 0], [4, 0]], [0, 1])
+    graph.add_wall_surface(1, [[5, 0], [9, 0]], [0, 1])
+    assert outline(graph.wall_surfaces.ordered()) is None
+
+
+def test_many_lines_keep_the_outline_affordable() -> None:
+    saw = [(float(x), 0.0 if x % 2 else 0.4) for x in range(120)]
+    corners = [*saw, (119.0, 10.0), (0.0, 10.0)]
+    polygon = outline_of(plan(corners))
+    assert agreement(polygon, corners) > 0.98
+
+
+# -- clustering ------------------------------------------------------------------------------------
+
+
+def scored(
+    graph: SGraph, related: set[frozenset[int]], against: float = -3.0
+) -> tuple[ScoredEdges, Scene]:
+    scene = build_scene(graph.wall_surfaces.ordered())
+    ids = scene.surfaces.ids
+    logits = [
+        3.0 if any({int(ids[a]), int(ids[b])} <= r for r in related) else against
+        for a, b in scene.pairs
+    ]
+    return ScoredEdges(scene.pairs, np.array(logits)), scene
+
+
+def test_a_stray_surface_joins_its_most_likely_room() -> None:
+    graph = plan(rectangle(0, 0, 5, 4))
+    for against, expected in ((-1.0, (0, 1, 2, 3)), (-3.0, (0, 1, 2))):
+        edges, scene = scored(graph, {frozenset({0, 1, 2})}, against)
+        (room,) = cluster(edges, scene)
+        assert room.members == expected
+
+
+def test_a_facade_is_no_room() -> None:
+    graph = plan(list(reversed(rectangle(0, 0, 8, 6))))  # clockwise: the normals point outwards
+    pairs = np.array([[0, 1], [1, 2], [2, 3], [0, 3]])
+    scene = build_scene(graph.wall_surfaces.ordered())
+    assert cluster(ScoredEdges(pairs, np.full(4, 5.0)), scene) == []
+
+
+def test_two_surfaces_are_no_room() -> None:
+    edges, scene = scored(plan(rectangle(0, 0, 5, 4)), {frozenset({0, 1})})
+    assert cluster(edges, scene) == []

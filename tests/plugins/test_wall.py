@@ -1,0 +1,116 @@
+"""Walls: thickness at the wall's own place, physical gates, factors."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from plans import plan, rectangle, turned
+
+from sgraph_concepts.types import ConceptNode, NodeShape, ScoredEdges
+from sgraph_core.graph import SGraph
+from sgraph_core.proximity import build_scene
+from sgraph_plugins.wall.baseline import score
+from sgraph_plugins.wall.cluster import cluster
+from sgraph_plugins.wall.factor import FREE_SIGMA_M, typical_thickness
+from sgraph_plugins.wall.geometry import back_to_back
+from sgraph_plugins.wall.shape import shape
+
+
+def pair(*segments: list[list[float]], angle: float = 0.0) -> SGraph:
+    """Return surfaces whose normals lie to the left of first-to-second endpoint."""
+    graph = SGraph()
+    for number, segment in enumerate(segments):
+        start, end = np.array(turned([tuple(p) for p in segment], angle))  # type: ignore[misc]
+        along = (end - start) / np.linalg.norm(end - start)
+        graph.add_wall_surface(number, [start, end], [-along[1], along[0]])
+    return graph
+
+
+@given(st.floats(0, 2 * np.pi), st.floats(0.04, 0.5), st.floats(-3, 3), st.floats(-0.03, 0.03))
+@settings(deadline=None)
+def test_thickness_is_that_in_the_middle_of_the_overlap(
+    angle: float, thickness: float, shift: float, slope: float
+) -> None:
+    """Two sides, the second shifted along and slightly oblique; far ends do not matter."""
+    upper = [[-5.0, 0.0], [5.0, 0.0]]
+    middle = ((-5 + max(0, shift)) + (5 + min(0, shift))) / 2
+    lower = [[x + shift, -thickness + slope * (x + shift - middle)] for x in (5.0, -5.0)]
+    arrays = pair(upper, lower, angle=angle).wall_surfaces.ordered()
+    lie = back_to_back(arrays, np.array([0]), np.array([1]))
+    assert lie.thickness[0] == pytest.approx(thickness, abs=2e-3)
+    x, y = turned([tuple(lie.centres[0])], -angle)[0]  # type: ignore[list-item]
+    assert (x, y) == pytest.approx((middle, -thickness / 2), abs=2e-2)
+    swapped = back_to_back(arrays, np.array([1]), np.array([0]))
+    assert swapped.thickness[0] == pytest.approx(lie.thickness[0], abs=1e-9)
+
+
+def test_surfaces_that_face_each_other_have_negative_thickness() -> None:
+    graph = plan(rectangle(0, 0, 5, 4))
+    lie = back_to_back(graph.wall_surfaces.ordered(), np.array([0]), np.array([2]))
+    assert lie.thickness[0] == pytest.approx(-4)
+    assert not lie.physical(0.6, 0.3)[0]
+
+
+def baseline_walls(graph: SGraph) -> set[tuple[int, int]]:
+    scene = build_scene(graph.wall_surfaces.ordered())
+    rows = scene.pairs[score(scene) > 0]
+    return {tuple(sorted(ids)) for ids in scene.surfaces.ids[rows].tolist()}
+
+
+def test_the_rule_accepts_a_wall_and_refuses_what_is_none() -> None:
+    west, east = rectangle(0, 0, 5, 4), rectangle(5.2, 0, 5, 4)
+    assert baseline_walls(plan(west, east)) == {(1, 7)}
+    assert baseline_walls(plan(west, rectangle(5.65, 0, 5, 4))) == set()  # too thick
+    assert baseline_walls(plan(west, rectangle(5.2, 3.8, 5, 4))) == set()  # too little overlap
+
+
+def test_the_rule_refuses_a_wall_with_another_surface_inside() -> None:
+    graph = plan(rectangle(0, 0, 5, 4), rectangle(5.5, 0, 5, 4))
+    assert baseline_walls(graph) == {(1, 7)}
+    graph.add_wall_surface(50, [[5.2, 0], [5.2, 4]], [1, 0])
+    assert (1, 7) not in baseline_walls(graph)
+
+
+def test_unphysical_pairs_are_no_walls_however_likely() -> None:
+    graph = plan(rectangle(0, 0, 5, 4), rectangle(5.2, 0, 5, 4))
+    scene = build_scene(graph.wall_surfaces.ordered())
+    every_pair = ScoredEdges(scene.pairs, np.full(len(scene.pairs), 9.0))
+    assert [c.members for c in cluster(every_pair, scene)] == [(1, 7)]
+
+
+def test_one_surface_may_belong_to_several_walls() -> None:
+    graph = plan(rectangle(0, 0, 10, 4), rectangle(0, 4.1, 4.9, 3), rectangle(5.1, 4.1, 4.9, 3))
+    assert baseline_walls(graph) == {(2, 4), (2, 8), (5, 11)}
+
+
+def test_a_wall_knows_its_centre_and_thickness() -> None:
+    graph = plan(rectangle(0, 0, 5, 4), rectangle(5.2, 1, 5, 4))
+    scene = build_scene(graph.wall_surfaces.ordered())
+    found = shape(np.array([1, 7]), scene)
+    assert found.thickness == pytest.approx(0.2)
+    assert found.centre is not None
+    assert np.array(found.centre) + scene.origin == pytest.approx([5.1, 2.5])
+
+
+# -- factors ---------------------------------------------------------------------------------------
+
+
+def walls(*thicknesses: float) -> list[ConceptNode]:
+    return [
+        ConceptNode(k, (2 * k, 2 * k + 1), shape=NodeShape((0, 0), thickness=t))
+        for k, t in enumerate(thicknesses)
+    ]
+
+
+def test_walls_built_alike_share_their_thickness() -> None:
+    group = walls(0.14, 0.15, 0.16, 0.15, 0.4)
+    thickness, sigma = typical_thickness(group[0], group)
+    assert thickness == pytest.approx(0.15)
+    assert sigma == pytest.approx(0.015)
+
+
+def test_a_wall_like_no_other_is_left_its_thickness() -> None:
+    group = walls(0.14, 0.15, 0.16, 0.15, 0.4)
+    assert typical_thickness(group[4], group) == (0.4, FREE_SIGMA_M)

@@ -1,0 +1,56 @@
+"""Parts of a made-up concept, good ones and bad ones."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sgraph_concepts.types import (
+    BuildingTruth,
+    Cluster,
+    ConceptNode,
+    FactorContext,
+    FloatArray,
+    IntArray,
+    Scene,
+    ScoredEdges,
+)
+
+
+def everything(scene: Scene) -> FloatArray:
+    return np.ones(len(scene.pairs))
+
+
+def one_node(_edges: ScoredEdges, scene: Scene) -> list[Cluster]:
+    return [Cluster(tuple(range(len(scene.nodes) or len(scene.surfaces))), 0.5)]
+
+
+def too_few(_scene: Scene) -> FloatArray:
+    return np.zeros(1)
+
+
+def nowhere(_edges: ScoredEdges, _scene: Scene) -> list[Cluster]:
+    return [Cluster((0, 999), 0.5)]
+
+
+def overlapping(_edges: ScoredEdges, _scene: Scene) -> list[Cluster]:
+    return [Cluster((0, 1), 0.5), Cluster((1, 2), 0.5)]
+
+
+def no_shape(_rows: IntArray, _scene: Scene) -> str:
+    return "round"
+
+
+def failing_factor(_node: ConceptNode, _context: FactorContext) -> float:
+    return 1 / 0
+
+
+def no_factor(_node: ConceptNode, _context: FactorContext) -> str:
+    return "glue"
+
+
+def label_unknown_surface(_truth: BuildingTruth) -> IntArray:
+    return np.array([[0, 9999]])
+
+
+def label_flat(_truth: BuildingTruth) -> IntArray:
+    return np.array([0, 1])
