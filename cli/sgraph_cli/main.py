@@ -7,7 +7,6 @@ import sys
 import typer
 
 from sgraph_cli.commands import concepts, evaluate, infer, maps, plot, train
-from sgraph_concepts.errors import SGraphError
 
 __all__ = ["app", "main"]
 
@@ -15,6 +14,7 @@ app = typer.Typer(
     name="sgraph",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
+    rich_markup_mode=None,  # plain help: drawing boxes would double its time
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
@@ -49,10 +49,14 @@ def main() -> None:
     """Run the command line; known errors become one line on stderr and exit code 1."""
     try:
         app()
-    except SGraphError as error:
-        _fail(str(error))
     except OSError as error:
         _fail(f"{error.filename or 'i/o'}: {error.strerror or error}")
+    except Exception as error:
+        from sgraph_concepts.errors import SGraphError  # only now, or --help would pay for it
+
+        if not isinstance(error, SGraphError):
+            raise
+        _fail(str(error))
 
 
 def _fail(message: str) -> None:

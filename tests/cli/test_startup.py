@@ -36,6 +36,10 @@ def test_help_imports_nothing_heavy(arguments: list[str]) -> None:
     assert imported_by(*arguments) & HEAVY == set()
 
 
+def test_the_overview_imports_typer_and_little_else() -> None:
+    assert imported_by("--help") & {"sgraph_concepts", "sgraph_core", "pydantic", "rich"} == set()
+
+
 @pytest.mark.parametrize("arguments", [["concepts", "list"], ["concepts", "show", "room"]])
 def test_listing_concepts_imports_neither_torch_nor_gtsam(arguments: list[str]) -> None:
     assert imported_by(*arguments) & HEAVY <= {"numpy"}
