@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 __all__ = ["ProgressReport", "note", "print_table", "progress", "warn_about_plugins"]
 
-WIDEST = 200
+WIDEST = 300
 
 
 class ProgressReport(Protocol):

@@ -10,8 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from sgraph_concepts.errors import InputError
+from sgraph_concepts.types import FloatArray
 from sgraph_core.detector import Detector
 from sgraph_core.evaluation.scores import Counts, FloorScore, score_floor
+from sgraph_core.evaluation.trajectory import trajectory_error
 from sgraph_core.map_file import load
 
 __all__ = ["FloorReport", "SourceReport", "as_rows", "evaluate", "maps_in"]
@@ -19,11 +21,19 @@ __all__ = ["FloorReport", "SourceReport", "as_rows", "evaluate", "maps_in"]
 
 @dataclass(frozen=True)
 class FloorReport:
-    """One map: its name, its scores and the seconds that inferring it took (NaN if stored)."""
+    """One map.
+
+    Attributes:
+        name: the file's, without suffix.
+        score: its rooms and walls.
+        seconds: that inferring it took, NaN if what it holds was scored.
+        ate_m: absolute trajectory error of its keyframes, NaN without a reference.
+    """
 
     name: str
     score: FloorScore
     seconds: float
+    ate_m: float
 
 
 @dataclass(frozen=True)
@@ -64,9 +74,18 @@ class SourceReport:
         return float(np.mean([floor.score.walls.f1 for floor in self.floors]))
 
     @property
+    def mean_ate_m(self) -> float:
+        """Mean over the floors of the absolute trajectory error."""
+        return float(np.mean([floor.ate_m for floor in self.floors]))
+
+    @property
     def median_seconds(self) -> float:
         """Median over the floors of the seconds to infer one."""
         return float(np.median([floor.seconds for floor in self.floors]))
+
+
+Trajectory = tuple[FloatArray, FloatArray]
+"""Stamps [K] and positions [K, 3]."""
 
 
 def maps_in(path: Path) -> list[Path]:
@@ -86,6 +105,7 @@ def maps_in(path: Path) -> list[Path]:
 def evaluate(
     sources: Sequence[Path],
     detector: Detector | None,
+    reference: Trajectory | None = None,
     progress: Callable[[str, int, int], object] = lambda _what, _done, _total: None,
 ) -> list[SourceReport]:
     """Score maps against their truth.
@@ -93,6 +113,7 @@ def evaluate(
     Args:
         sources: map files, or folders of them; each becomes one report.
         detector: infers each map anew; None scores the concepts that the files hold.
+        reference: the true trajectory of the maps' keyframes, if their error is wanted.
         progress: told after every map.
 
     Raises:
@@ -105,14 +126,16 @@ def evaluate(
     for source, maps in files.items():
         floors = []
         for file in maps:
-            floors.append(_evaluate_floor(file, detector))
+            floors.append(_evaluate_floor(file, detector, reference))
             done += 1
             progress("evaluating", done, total)
         reports.append(SourceReport(source.stem, tuple(floors)))
     return reports
 
 
-def _evaluate_floor(file: Path, detector: Detector | None) -> FloorReport:
+def _evaluate_floor(
+    file: Path, detector: Detector | None, reference: Trajectory | None
+) -> FloorReport:
     graph = load(file)
     if graph.truth is None:
         raise InputError(f"{file}: has no truth to evaluate against")
@@ -122,7 +145,8 @@ def _evaluate_floor(file: Path, detector: Detector | None) -> FloorReport:
         graph = detector.infer(graph)
         seconds = time.perf_counter() - start
     assert graph.truth is not None
-    return FloorReport(file.stem, score_floor(graph, graph.truth), seconds)
+    ate = float("nan") if reference is None else trajectory_error(graph, *reference)
+    return FloorReport(file.stem, score_floor(graph, graph.truth), seconds, ate)
 
 
 def as_rows(reports: Iterable[SourceReport]) -> list[dict[str, float | int | str]]:
@@ -143,6 +167,7 @@ def as_rows(reports: Iterable[SourceReport]) -> list[dict[str, float | int | str
             "wall_f1_mean": report.mean_wall_f1,
             "walls_left_out": report.walls.left_out,
             "seconds_per_floor": report.median_seconds,
+            "ate_m": report.mean_ate_m,
         }
         for report in reports
     ]

@@ -150,3 +150,17 @@ def test_a_facade_is_no_room() -> None:
 def test_two_surfaces_are_no_room() -> None:
     edges, scene = scored(plan(rectangle(0, 0, 5, 4)), {frozenset({0, 1})})
     assert cluster(edges, scene) == []
+
+
+@given(st.integers(0, 100_000))
+@settings(deadline=None, max_examples=150)
+def test_any_surfaces_have_a_proper_outline_or_none(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    graph = SGraph()
+    for number in range(rng.integers(3, 9)):
+        start, angle = rng.uniform(0, 3, 2), rng.choice([0, np.pi / 2, rng.uniform(0, 6)])
+        along = np.array([np.cos(angle), np.sin(angle)])
+        end = start + rng.choice([0.01, 0.3, 3.0]) * along
+        graph.add_wall_surface(number, [start, end], [-along[1], along[0]])
+    polygon = outline(graph.wall_surfaces.ordered())
+    assert polygon is None or (polygon.is_valid and polygon.area > 0)

@@ -35,7 +35,7 @@ def evaluate(
     ] = None,
     trajectory: Annotated[
         Path | None,
-        typer.Option(help="Reference trajectory (TUM format): also print the keyframes' error."),
+        typer.Option(help="Reference trajectory (TUM format) to compare the keyframes with."),
     ] = None,
     per_floor: Annotated[
         bool, typer.Option("--per-floor", help="A row for every map instead of every source.")
@@ -47,12 +47,14 @@ def evaluate(
     from sgraph_core.detector import Detector
     from sgraph_core.evaluation.report import SourceReport, as_rows
     from sgraph_core.evaluation.report import evaluate as run
+    from sgraph_core.evaluation.trajectory import read_tum
 
     detector = None if stored else Detector(scorer=scorer.value, clusterers=clusterers)
     if detector is not None:
         warn_about_plugins(list(detector.registry.problems))
+    reference = None if trajectory is None else read_tum(trajectory)
     with progress() as report:
-        reports = run(paths, detector, report)
+        reports = run(paths, detector, reference, report)
     if per_floor:
         reports = [SourceReport(f.name, (f,)) for source in reports for f in source.floors]
     if json_:
@@ -62,8 +64,6 @@ def evaluate(
         typer.echo(json.dumps([_without_nan(row) for row in rows], indent=1))
     else:
         print_scores(reports)
-    if trajectory is not None:
-        _print_trajectory(paths, trajectory)
 
 
 def _without_nan(row: dict[str, float | int | str]) -> dict[str, float | int | str | None]:
@@ -85,7 +85,7 @@ def print_scores(reports: Sequence[SourceReport]) -> None:
         "floors",
         "rooms P", "R", "F1", "mean F1", "exact F1", "left out",
         "walls P", "R", "F1", "mean F1", "left out",
-        "s / floor",
+        "s / floor", "ATE [m]",
     ):  # fmt: skip
         table.add_column(column, justify="right")
     for report in reports:
@@ -99,24 +99,9 @@ def print_scores(reports: Sequence[SourceReport]) -> None:
             str(rooms.left_out),
             *(f"{score:.3f}" for score in wall_scores),
             str(walls.left_out),
-            "" if math.isnan(report.median_seconds) else f"{report.median_seconds:.3f}",
+            *(
+                "" if math.isnan(value) else f"{value:.3f}"
+                for value in (report.median_seconds, report.mean_ate_m)
+            ),
         )
-    print_table(table)
-
-
-def _print_trajectory(paths: Sequence[Path], reference: Path) -> None:
-    from rich import box
-    from rich.table import Table
-
-    from sgraph_core.evaluation.report import maps_in
-    from sgraph_core.evaluation.trajectory import read_tum, trajectory_error
-    from sgraph_core.map_file import load
-
-    stamps, positions = read_tum(reference)
-    table = Table(box=box.MARKDOWN)
-    table.add_column("map")
-    table.add_column("ATE RMSE [m]", justify="right")
-    for path in paths:
-        for file in maps_in(path):
-            table.add_row(file.stem, f"{trajectory_error(load(file), stamps, positions):.3f}")
     print_table(table)

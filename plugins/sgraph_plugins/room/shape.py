@@ -73,7 +73,9 @@ def _without_needless_points(polygon: shapely.Polygon) -> shapely.Polygon:
     """Drop the points on straight edges, where the lines of other surfaces cross them."""
     # normalize lets the rings begin at a corner: simplify keeps the point they begin with
     simple = polygon.normalize().simplify(1e-3, preserve_topology=False)
-    return simple if isinstance(simple, shapely.Polygon) and simple.is_valid else polygon
+    if isinstance(simple, shapely.Polygon) and simple.is_valid and simple.area > 0:
+        return simple
+    return polygon
 
 
 def _lines(surfaces: SurfaceArrays, hull: shapely.Polygon) -> list[shapely.LineString]:
