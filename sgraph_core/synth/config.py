@@ -82,6 +82,11 @@ class FittingConfig(_Config):
     opening_share: Share = Field(default=0.2, description="Doors that are wide openings.")
     opening_width_m: Interval = Field(default=(1.3, 3.0), description="Width of wide openings.")
     second_door_share: Share = Field(default=0.15, description="Neighbours with two doors.")
+    broken_behind_share: Choices = Field(
+        default=(0.0, 0.0, 0.5, 1.0),
+        description="Surfaces broken where a wall meets theirs from behind, as in maps from plans "
+        "and building models; one is drawn per building.",
+    )
     facade_share: Share = Field(
         default=0.5, description="Buildings whose outer faces are mapped too."
     )

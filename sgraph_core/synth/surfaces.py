@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -15,7 +17,7 @@ from sgraph_concepts.types import FloatArray, IntArray
 from sgraph_core.synth.config import FittingConfig
 from sgraph_core.synth.plan import all_edges
 from sgraph_core.synth.polygons import edges, grow, polygons_in, rectangle, turn_left
-from sgraph_core.synth.walls import WallGaps, wall_gaps
+from sgraph_core.synth.walls import THICKEST_M, WallGaps, wall_gaps
 
 __all__ = ["NO_ROOM", "Pieces", "draw_surfaces"]
 
@@ -73,8 +75,12 @@ def draw_surfaces(rooms: list[Polygon], rng: Generator, config: FittingConfig) -
         walls = Pieces.joined(walls, _facades(rooms, rng.uniform(*config.facade_thickness_m)))
     gaps = wall_gaps(walls.segments, walls.normals)
     doors = _draw_doors(gaps, walls, rng, config)
+    cuts = _door_cuts(walls, gaps, doors)
+    broken = rng.choice(config.broken_behind_share)
+    for row, cut in _junctions_behind(gaps, len(walls), rng, broken):
+        cuts[row].append(cut)
     return Pieces.joined(
-        _cut_doors(walls, gaps, doors),
+        _cut(walls, cuts),
         _door_leaves(doors, gaps, rng, rng.choice(config.door_leaf_share)),
         _furniture(rooms, rng, rng.choice(config.furnished_share), config),
     )
@@ -130,19 +136,44 @@ def _draw_doors(
     return doors
 
 
-def _cut_doors(walls: Pieces, gaps: WallGaps, doors: list[_Door]) -> Pieces:
-    """Cut every door out of both sides of its wall."""
-    cuts: dict[int, list[_Door]] = defaultdict(list)
+Cuts = dict[int, list[tuple[FloatArray, FloatArray]]]
+"""By row of a surface, the stretches to be cut out of it, from point to point."""
+
+
+def _door_cuts(walls: Pieces, gaps: WallGaps, doors: list[_Door]) -> Cuts:
+    """Return what doors cut out: every one is cut out of both sides of its wall."""
+    cuts: Cuts = {row: [] for row in range(len(walls))}
     for door in doors:
-        cuts[int(gaps.one[door.gap])].append(door)
-        cuts[int(gaps.two[door.gap])].append(door)
+        for row in (int(gaps.one[door.gap]), int(gaps.two[door.gap])):
+            cuts[row].append((door.start, door.end))
+    return cuts
+
+
+def _junctions_behind(
+    gaps: WallGaps, count: int, rng: Generator, share: float
+) -> Iterator[tuple[int, tuple[FloatArray, FloatArray]]]:
+    """Yield where walls meet surfaces from behind: between the rooms that lie behind them."""
+    behind: dict[int, list[tuple[FloatArray, FloatArray]]] = defaultdict(list)
+    for one, two, start, end in zip(gaps.one, gaps.two, gaps.starts, gaps.ends, strict=True):
+        behind[int(one)].append((start, end))
+        behind[int(two)].append((end, start))  # opposed surfaces run in opposite directions
+    for row in range(count):
+        if len(behind[row]) < 2 or rng.random() >= share:
+            continue
+        along = behind[row][0][1] - behind[row][0][0]
+        for (_, end), (start, _) in pairwise(sorted(behind[row], key=lambda s: s[0] @ along)):
+            if (start - end) @ along >= 0 and np.linalg.norm(start - end) <= THICKEST_M:
+                yield row, (end, start)
+
+
+def _cut(walls: Pieces, cuts: Cuts) -> Pieces:
     rows, segments = [], []
     for row, segment in enumerate(walls.segments):
         length = float(np.linalg.norm(segment[1] - segment[0]))
         along = (segment[1] - segment[0]) / length
         spans = [(0.0, length)]
-        for door in cuts[row]:
-            ends = sorted(((door.start - segment[0]) @ along, (door.end - segment[0]) @ along))
+        for start, end in cuts[row]:
+            ends = sorted(((start - segment[0]) @ along, (end - segment[0]) @ along))
             spans = [
                 span
                 for low, high in spans

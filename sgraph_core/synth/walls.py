@@ -12,7 +12,7 @@ from sgraph_concepts.types import FloatArray, IntArray
 from sgraph_core.geometry import dot, lines_of
 from sgraph_core.synth.polygons import turn_left
 
-__all__ = ["WallGaps", "wall_gaps"]
+__all__ = ["THICKEST_M", "WallGaps", "wall_gaps"]
 
 THICKEST_M = 0.6
 THINNEST_M = 0.02
