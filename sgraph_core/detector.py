@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -21,6 +22,7 @@ from sgraph_concepts.types import (
     NodeShape,
     Scene,
     ScoredEdges,
+    SurfaceArrays,
 )
 from sgraph_core.concepts import installed
 from sgraph_core.graph import SGraph
@@ -43,6 +45,7 @@ class Detector:
         scorer: ``network`` or ``baseline``. A concept without a head uses its baseline in any case.
         clusterers: other clusterers than the declared ones, by concept: a built-in name or
             ``package.module:function``.
+        weights: folder with other weights than the shipped ones, as ``sgraph train`` writes them.
     """
 
     def __init__(
@@ -50,17 +53,25 @@ class Detector:
         registry: Registry | None = None,
         scorer: Scorer = "network",
         clusterers: Mapping[str, str] | None = None,
+        weights: Path | None = None,
     ) -> None:
         self.registry = installed() if registry is None else registry
         self.scorer = scorer
         self.clusterers = dict(clusterers or {})
+        self.weights = weights
         for name in self.clusterers:
             self.registry[name]  # raises if there is none
 
     @cached_property
     def network(self) -> Network:
         """The shared encoder and the heads, loaded on first use."""
-        return Network()
+        return Network(self.weights)
+
+    def scene(self, surfaces: SurfaceArrays) -> Scene:
+        """Return the pairs of preprocessed surfaces that the scorer is given."""
+        if self.scorer == "baseline":
+            return build_scene(surfaces)
+        return build_scene(surfaces, self.network.neighbours)
 
     def infer(self, graph: SGraph, concepts: Sequence[str] | None = None) -> SGraph:
         """Return a copy of an S-Graph with its concepts inferred anew.
@@ -79,7 +90,7 @@ class Detector:
         """
         result = graph.copy()
         fragments = preprocess(graph.wall_surfaces.ordered())
-        run = _Run(self, fragments, build_scene(fragments.surfaces))
+        run = _Run(self, fragments, self.scene(fragments.surfaces))
         for concept in self.registry.select(None if concepts is None else list(concepts)):
             name, groups = concept.spec.name, concept.spec.groups
             nodes = run.nodes(concept, result.concepts.get(groups, []))
@@ -104,7 +115,8 @@ class _Run:
 
     @cached_property
     def _embeddings(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        return self._detector.network.encode(self._scene)
+        network = self._detector.network
+        return network.encode(network.inputs(self._scene))
 
     def nodes(
         self, concept: RegisteredConcept, grouped: Sequence[ConceptNode]

@@ -5,50 +5,82 @@ and closest distance of an edge. Absolute normals and offsets turn with the map;
 (i, j) is described in the frame of surface i, so that moving or turning the map changes nothing.
 Endpoints are ordered by the normal (see SurfaceArrays), since their order in the input would
 tell a network how a generator draws rooms.
+
+Two further sets of features exist to measure what ours bring: the paper's, and the paper's in
+each edge's own frame.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Literal
+
 import numpy as np
 from numpy.typing import NDArray
 
-from sgraph_concepts.types import FloatArray, Scene
+from sgraph_concepts.types import FloatArray, IntArray, Scene
 from sgraph_core.geometry import cross, dot, in_frames
+from sgraph_core.visibility import CLOSED_GAPS_M, VISIBILITIES
 
-__all__ = ["EDGE_FEATURES", "NODE_FEATURES", "edge_features", "edge_index", "node_features"]
+__all__ = [
+    "EDGE_FEATURES",
+    "NODE_FEATURES",
+    "FeatureSet",
+    "edge_features",
+    "edge_index",
+    "node_features",
+]
 
 Float32Array = NDArray[np.float32]
 
-NODE_FEATURES = (
-    "log length",
-    "log 1 + number of visible surfaces",
-    "log 1 + summed visibility",
-    "log 1 + summed visibility with doors closed",
-    "log 1 + summed visibility with gaps up to 6 m closed",
+FeatureSet = Literal["visibility", "frame", "paper"]
+"""``visibility``: ours. ``paper``: the paper's, which turn with the map. ``frame``: what the
+paper's say, in each edge's own frame."""
+
+CLOSED_COLUMNS = (1, len(CLOSED_GAPS_M))
+"""Columns of the visibility with doors closed, and with the widest gaps closed."""
+NODE_FEATURES: Mapping[FeatureSet, tuple[str, ...]] = MappingProxyType(
+    {
+        "visibility": (
+            "log length",
+            "log 1 + number of visible surfaces",
+            "log 1 + summed visibility",
+            *(f"log 1 + summed {VISIBILITIES[column]}" for column in CLOSED_COLUMNS),
+        ),
+        "frame": ("length",),
+        "paper": ("length", "x of the normal", "y of the normal"),
+    }
 )
-EDGE_FEATURES = (
-    "x of j's midpoint",
-    "y of j's midpoint",
-    "cosine of the angle between the surfaces",
-    "sine of the angle between the surfaces",
-    "closest distance",
-    "overlap along i",
-    "y of j's first end",
-    "y of j's second end",
-    "lower y of j's ends",
-    "higher y of j's ends",
-    "distance from i's second end to j's first",
-    "distance from i's first end to j's second",
-    "log length of i",
-    "log length of j",
-    "visibility",
-    "visibility, gaps up to 1.4 m closed",
-    "visibility, gaps up to 3 m closed",
-    "visibility, gaps up to 6 m closed",
-    "square root of the visibility",
-    "square root of the visibility, gaps up to 1.4 m closed",
-    "square root of the visibility, gaps up to 3 m closed",
-    "square root of the visibility, gaps up to 6 m closed",
+EDGE_FEATURES: Mapping[FeatureSet, tuple[str, ...]] = MappingProxyType(
+    {
+        "visibility": (
+            "x of j's midpoint",
+            "y of j's midpoint",
+            "cosine of the angle between the surfaces",
+            "sine of the angle between the surfaces",
+            "closest distance",
+            "overlap along i",
+            "y of j's first end",
+            "y of j's second end",
+            "lower y of j's ends",
+            "higher y of j's ends",
+            "distance from i's second end to j's first",
+            "distance from i's first end to j's second",
+            "log length of i",
+            "log length of j",
+            *VISIBILITIES,
+            *(f"square root of the {name}" for name in VISIBILITIES),
+        ),
+        "frame": (
+            "x of j's midpoint",
+            "y of j's midpoint",
+            "cosine of the angle between the surfaces",
+            "sine of the angle between the surfaces",
+            "closest distance",
+        ),
+        "paper": ("x of the offset", "y of the offset", "closest distance"),
+    }
 )
 
 
@@ -61,28 +93,34 @@ def edge_index(scene: Scene) -> NDArray[np.int64]:
     return np.stack([np.concatenate([two, one]), np.concatenate([one, two])])
 
 
-def node_features(scene: Scene) -> Float32Array:
-    """Return the features of the nodes, [N, len(NODE_FEATURES)]."""
-    total, ends = len(scene.surfaces), scene.pairs.T.ravel()
+def node_features(scene: Scene, features: FeatureSet = "visibility") -> Float32Array:
+    """Return the features of the nodes, [N, len(NODE_FEATURES[features])]."""
+    return _NODE_COLUMNS[features](scene).astype(np.float32)
+
+
+def edge_features(scene: Scene, features: FeatureSet = "visibility") -> Float32Array:
+    """Return the features of the edges in both directions, [2E, len(EDGE_FEATURES[features])]."""
+    j, i = edge_index(scene)
+    return _EDGE_COLUMNS[features](scene, i, j).astype(np.float32)
+
+
+def _visibility_nodes(scene: Scene) -> FloatArray:
+    total, ends, seen = len(scene.surfaces), scene.pairs.T.ravel(), scene.visibility
 
     def summed(weights: FloatArray) -> FloatArray:
         return np.asarray(np.bincount(ends, np.tile(weights, 2), minlength=total), np.float64)
 
-    seen = scene.visibility
     columns = [
         np.log(scene.surfaces.lengths),
         np.log1p(summed((seen[:, 0] > 0).astype(np.float64))),
         np.log1p(summed(seen[:, 0])),
-        np.log1p(summed(seen[:, 1])),
-        np.log1p(summed(seen[:, -1])),
+        *(np.log1p(summed(seen[:, column])) for column in CLOSED_COLUMNS),
     ]
-    return np.stack(columns, axis=1).astype(np.float32)
+    return np.stack(columns, axis=1)
 
 
-def edge_features(scene: Scene) -> Float32Array:
-    """Return the features of the edges in both directions, [2E, len(EDGE_FEATURES)]."""
+def _visibility_edges(scene: Scene, i: IntArray, j: IntArray) -> FloatArray:
     surfaces = scene.surfaces
-    j, i = edge_index(scene)
     x, y = in_frames(surfaces, i, surfaces.segments[j])
     half = surfaces.lengths[i] / 2
     overlap = np.minimum(x.max(axis=1), half) - np.maximum(x.min(axis=1), -half)
@@ -105,9 +143,41 @@ def edge_features(scene: Scene) -> Float32Array:
         log_length[i],
         log_length[j],
     ]
-    return np.column_stack([*columns, seen, np.sqrt(seen)]).astype(np.float32)
+    return np.column_stack([*columns, seen, np.sqrt(seen)])
 
 
 def _compress(length_m: FloatArray, scale_m: float) -> FloatArray:
     """Keep small lengths as they are and take the logarithm of large ones, sign kept."""
     return np.asarray(np.sign(length_m) * np.log1p(np.abs(length_m) / scale_m))
+
+
+def _frame_nodes(scene: Scene) -> FloatArray:
+    return scene.surfaces.lengths[:, None]
+
+
+def _frame_edges(scene: Scene, i: IntArray, j: IntArray) -> FloatArray:
+    surfaces, tangents = scene.surfaces, scene.surfaces.tangents
+    x, y = in_frames(surfaces, i, surfaces.midpoints[j][:, None])
+    angle = dot(tangents[i], tangents[j]), cross(tangents[i], tangents[j])
+    return np.column_stack([x, y, *angle, np.tile(scene.distances, 2)])
+
+
+def _paper_nodes(scene: Scene) -> FloatArray:
+    return np.column_stack([scene.surfaces.lengths, scene.surfaces.normals])
+
+
+def _paper_edges(scene: Scene, i: IntArray, j: IntArray) -> FloatArray:
+    midpoints = scene.surfaces.midpoints
+    return np.column_stack([midpoints[j] - midpoints[i], np.tile(scene.distances, 2)])
+
+
+_NODE_COLUMNS: Mapping[FeatureSet, Callable[[Scene], FloatArray]] = {
+    "visibility": _visibility_nodes,
+    "frame": _frame_nodes,
+    "paper": _paper_nodes,
+}
+_EDGE_COLUMNS: Mapping[FeatureSet, Callable[[Scene, IntArray, IntArray], FloatArray]] = {
+    "visibility": _visibility_edges,
+    "frame": _frame_edges,
+    "paper": _paper_edges,
+}

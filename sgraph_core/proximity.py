@@ -7,14 +7,22 @@ surfaces that it sees, and to everything that comes close to it (the other sides
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Literal
+
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from sgraph_concepts.types import FloatArray, IntArray, Scene, SurfaceArrays
+from sgraph_core.closures import nearest
 from sgraph_core.geometry import closest_distances, lines_of
-from sgraph_core.visibility import CLOSED_GAPS_M, facing_pairs, nearest, visibility
+from sgraph_core.visibility import facing_pairs, visibility
 
-__all__ = ["build_scene"]
+__all__ = ["Neighbours", "build_scene"]
+
+Neighbours = Literal["visible", "nearest"]
+"""``visible``: ours. ``nearest``: the paper's, by the distance of midpoints."""
 
 FACING = 32
 """How many of the nearest facing surfaces are tested for visibility."""
@@ -22,42 +30,66 @@ VISIBLE = 30
 """How many of the nearest visible surfaces each surface is linked to."""
 CLOSE_M = 0.7
 """Surfaces this close are linked in any case: the thickest walls are thinner."""
+NEAREST = 15
+"""How many of the nearest surfaces the paper links each surface to."""
 
 
-def build_scene(surfaces: SurfaceArrays) -> Scene:
+def build_scene(surfaces: SurfaceArrays, neighbours: Neighbours = "visible") -> Scene:
     """Return the pairs of surfaces worth relating, with their distances and visibilities.
 
     Args:
         surfaces: the N preprocessed surfaces in world coordinates.
+        neighbours: which pairs are worth relating.
 
     Returns:
         The scene, its coordinates relative to the middle of the map, so that the position of the
         map in the world (UTM coordinates, say) costs no precision.
     """
     if not len(surfaces):
-        return _scene(surfaces, np.zeros(2), np.empty((0, 2), np.int64), np.empty(0))
+        return _scene(surfaces, np.zeros(2), np.empty((0, 2), np.int64))
     corners = surfaces.segments.reshape(-1, 2)
     origin = (corners.min(axis=0) + corners.max(axis=0)) / 2
     local = SurfaceArrays(surfaces.ids, surfaces.segments - origin, surfaces.normals)
+    if neighbours == "nearest":
+        return _scene(local, origin, _nearest_pairs(local))
     pairs = np.concatenate([facing_pairs(local, FACING), _close_pairs(local)])
-    pairs = np.unique(pairs, axis=0)
-    distances = closest_distances(local.segments, pairs[:, 0], pairs[:, 1])
-    return _scene(local, origin, pairs, distances)
+    scene = _scene(local, origin, np.unique(pairs, axis=0))
+    return _only(scene, (scene.distances <= CLOSE_M) | _nearest_visible(scene))
 
 
-def _scene(
-    surfaces: SurfaceArrays, origin: FloatArray, pairs: IntArray, distances: FloatArray
-) -> Scene:
-    if not len(pairs):
-        shares = np.empty((0, 1 + len(CLOSED_GAPS_M)))
-        return Scene(surfaces, origin, pairs, distances, shares)
-    shares = visibility(surfaces, pairs)
-    chosen = distances <= CLOSE_M
-    visible = np.flatnonzero(shares[:, 0] > 0)
-    asking = np.concatenate([pairs[visible, 0], pairs[visible, 1]])
-    asked_for = nearest(asking, np.tile(distances[visible], 2), VISIBLE)
-    chosen[visible] |= asked_for.reshape(2, -1).any(axis=0)
-    return Scene(surfaces, origin, pairs[chosen], distances[chosen], shares[chosen])
+def _scene(surfaces: SurfaceArrays, origin: FloatArray, pairs: IntArray) -> Scene:
+    distances = closest_distances(surfaces.segments, pairs[:, 0], pairs[:, 1])
+    return Scene(surfaces, origin, pairs, distances, visibility(surfaces, pairs))
+
+
+def _only(scene: Scene, chosen: NDArray[np.bool_]) -> Scene:
+    return replace(
+        scene,
+        pairs=scene.pairs[chosen],
+        distances=scene.distances[chosen],
+        visibility=scene.visibility[chosen],
+    )
+
+
+def _nearest_visible(scene: Scene) -> NDArray[np.bool_]:
+    """Return which pairs one of the two asks for, as its nearest that it sees, [E]."""
+    visible = np.flatnonzero(scene.visibility[:, 0] > 0)
+    asking = scene.pairs[visible].T.ravel()
+    asked_for = nearest(asking, np.tile(scene.distances[visible], 2), VISIBLE)
+    chosen = np.zeros(len(scene.pairs), bool)
+    chosen[visible] = asked_for.reshape(2, -1).any(axis=0)
+    return chosen
+
+
+def _nearest_pairs(surfaces: SurfaceArrays) -> IntArray:
+    """Return the pairs of which one is among the nearest midpoints of the other, [P, 2]."""
+    from scipy.spatial import cKDTree
+
+    total = len(surfaces)
+    count = min(NEAREST + 1, total)  # the nearest is the surface itself
+    _, near = cKDTree(surfaces.midpoints).query(surfaces.midpoints, k=range(1, count + 1))
+    pairs = np.stack([np.repeat(np.arange(total), count), near.ravel()], axis=1)
+    return np.unique(np.sort(pairs[pairs[:, 0] != pairs[:, 1]], axis=1), axis=0)
 
 
 def _close_pairs(surfaces: SurfaceArrays) -> IntArray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from importlib.resources.abc import Traversable
 from typing import TypeVar
 
 from pydantic import BaseModel, ValidationError
@@ -14,7 +14,7 @@ __all__ = ["read_settings"]
 Settings = TypeVar("Settings", bound=BaseModel)
 
 
-def read_settings(path: Path | None, kind: type[Settings]) -> Settings:
+def read_settings(path: Traversable | None, kind: type[Settings]) -> Settings:
     """Return settings from a JSON file; what it does not name, or no file, means the defaults.
 
     Raises:

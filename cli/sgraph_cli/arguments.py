@@ -5,14 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 if TYPE_CHECKING:
     from sgraph_core.graph import SGraph
 
-__all__ = ["ScorerName", "by_concept", "load_map"]
+__all__ = ["ScorerName", "Weights", "by_concept", "load_map"]
+
+Weights = Annotated[
+    Path | None,
+    typer.Option(
+        help="Folder that `sgraph train` wrote, instead of the shipped weights.", show_default=False
+    ),
+]
 
 
 class ScorerName(StrEnum):

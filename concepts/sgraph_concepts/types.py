@@ -84,8 +84,9 @@ class Scene:
         pairs: row indices of the surfaces of each pair, first below second, [E, 2].
         distances: closest distance of the two surfaces of each pair, [E].
         visibility: share of the lines of sight between the two surfaces that are free, [E, V].
-            Column 0 counts surfaces as obstacles; the further columns also count the gaps between
-            collinear surfaces, up to growing widths, as closed (see docs/network.md).
+            Column 0 counts surfaces as obstacles; the further columns also count what may close
+            a room: gaps between collinear surfaces and continued walls, up to growing widths
+            (``sgraph_core.visibility.VISIBILITIES`` names them).
         nodes: the nodes to relate, when the concept groups another concept's nodes instead of
             wall surfaces; then ``pairs`` indexes them and ``surfaces`` holds their members.
     """

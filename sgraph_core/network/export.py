@@ -11,23 +11,39 @@ import torch
 from torch import Tensor, nn
 
 from sgraph_concepts.errors import MissingExtraError
-from sgraph_core.features import EDGE_FEATURES, NODE_FEATURES
+from sgraph_core.features import FeatureSet
 from sgraph_core.files import write_whole
 from sgraph_core.network import ENCODER_VERSION
 from sgraph_core.network.model import Encoder, Head
+from sgraph_core.proximity import Neighbours
 
 __all__ = ["export_encoder", "export_head", "fingerprint"]
 
 
-def export_encoder(encoder: Encoder, path: Path) -> None:
+def export_encoder(
+    encoder: Encoder,
+    path: Path,
+    features: FeatureSet = "visibility",
+    neighbours: Neighbours = "visible",
+) -> None:
     """Write an encoder as ONNX with inputs x, edge_index, edge_attr and outputs nodes, edges.
+
+    Args:
+        encoder: the encoder.
+        path: the file to write.
+        features: what it is given of nodes and edges; stored with it, as are
+        neighbours: the pairs that it is given.
 
     Raises:
         MissingExtraError: onnx or onnxscript is not installed.
     """
-    nodes = torch.zeros(3, len(NODE_FEATURES))
-    edges = torch.zeros(4, len(EDGE_FEATURES))
-    _export(encoder, (nodes, edges), ["nodes", "edges"], fingerprint(encoder), path)
+    inputs = (torch.zeros(3, len(encoder.node_mean)), torch.zeros(4, len(encoder.edge_mean)))
+    metadata = {
+        "encoder_fingerprint": fingerprint(encoder),
+        "features": features,
+        "neighbours": neighbours,
+    }
+    _export(encoder, inputs, ["nodes", "edges"], metadata, path)
 
 
 def export_head(head: Head, encoder: Encoder, path: Path) -> None:
@@ -42,7 +58,7 @@ def export_head(head: Head, encoder: Encoder, path: Path) -> None:
         MissingExtraError: onnx or onnxscript is not installed.
     """
     inputs = (torch.zeros(3, encoder.hidden), torch.zeros(4, encoder.hidden))
-    _export(head, inputs, ["logits"], fingerprint(encoder), path)
+    _export(head, inputs, ["logits"], {"encoder_fingerprint": fingerprint(encoder)}, path)
 
 
 def fingerprint(encoder: Encoder) -> str:
@@ -58,7 +74,7 @@ def _export(
     module: nn.Module,
     features: tuple[Tensor, Tensor],
     outputs: list[str],
-    encoder_fingerprint: str,
+    metadata: dict[str, str],
     path: Path,
 ) -> None:
     try:
@@ -90,6 +106,5 @@ def _export(
     for node in [*model.graph.node, *(n for f in model.functions for n in f.node)]:
         node.doc_string = ""
         del node.metadata_props[:]  # stack traces with this machine's paths
-    metadata = {"encoder": ENCODER_VERSION, "encoder_fingerprint": encoder_fingerprint}
-    onnx.helper.set_model_props(model, metadata)
+    onnx.helper.set_model_props(model, {"encoder": ENCODER_VERSION, **metadata})
     write_whole(path, lambda temporary: temporary.write_bytes(model.SerializeToString()))

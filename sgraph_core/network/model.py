@@ -6,7 +6,7 @@ import torch
 from torch import Tensor, nn
 from torch_geometric.nn import GATv2Conv
 
-from sgraph_core.features import EDGE_FEATURES, NODE_FEATURES
+from sgraph_core.features import EDGE_FEATURES, NODE_FEATURES, FeatureSet
 
 __all__ = ["Encoder", "Head", "initialise", "symmetric"]
 
@@ -56,6 +56,7 @@ class Encoder(nn.Module):
     Args:
         hidden: width of the embeddings.
         layers: number of layers.
+        features: what it is given of nodes and edges.
     """
 
     node_mean: Tensor
@@ -63,10 +64,12 @@ class Encoder(nn.Module):
     edge_mean: Tensor
     edge_scale: Tensor
 
-    def __init__(self, hidden: int = 32, layers: int = 2) -> None:
+    def __init__(
+        self, hidden: int = 32, layers: int = 2, features: FeatureSet = "visibility"
+    ) -> None:
         super().__init__()
         self.hidden = hidden
-        nodes, edges = len(NODE_FEATURES), len(EDGE_FEATURES)
+        nodes, edges = len(NODE_FEATURES[features]), len(EDGE_FEATURES[features])
         self.register_buffer("node_mean", torch.zeros(nodes))
         self.register_buffer("node_scale", torch.ones(nodes))
         self.register_buffer("edge_mean", torch.zeros(edges))
@@ -78,9 +81,9 @@ class Encoder(nn.Module):
         """Return node embeddings [N, hidden] and edge embeddings [2E, hidden].
 
         Args:
-            x: node features, [N, len(NODE_FEATURES)].
+            x: node features, [N, len(NODE_FEATURES[features])].
             edge_index: j in row 0, i in row 1, [2, 2E].
-            edge_attr: edge features, [2E, len(EDGE_FEATURES)].
+            edge_attr: edge features, [2E, len(EDGE_FEATURES[features])].
         """
         x = (x - self.node_mean) / self.node_scale
         edge_attr = (edge_attr - self.edge_mean) / self.edge_scale
@@ -92,13 +95,19 @@ class Encoder(nn.Module):
 class Head(nn.Module):
     """The classifier of one relation: three linear layers on [v_i, e_ij, v_j] (the paper's Eq. 3).
 
+    Its logits are divided by a temperature, which is 1 while it is trained and set afterwards so
+    that probabilities mean what they say.
+
     Args:
         width: width of the encoder's embeddings.
         hidden: width of the two hidden layers.
     """
 
+    temperature: Tensor
+
     def __init__(self, width: int = 32, hidden: int = 32) -> None:
         super().__init__()
+        self.register_buffer("temperature", torch.ones(()))
         self.layers = nn.Sequential(
             nn.Linear(3 * width, hidden),
             nn.ReLU(),
@@ -117,7 +126,7 @@ class Head(nn.Module):
         """
         j, i = edge_index
         logits: Tensor = self.layers(torch.cat([x[i], edge_attr, x[j]], dim=1))
-        return logits.squeeze(1)
+        return logits.squeeze(1) / self.temperature
 
 
 def symmetric(logits: Tensor) -> Tensor:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import importlib.resources
 from importlib.resources.abc import Traversable
-from typing import Any
+from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +13,14 @@ from numpy.typing import NDArray
 from sgraph_concepts.errors import WeightsError
 from sgraph_concepts.registry import RegisteredConcept
 from sgraph_concepts.types import Scene, ScoredEdges
-from sgraph_core.features import edge_features, edge_index, node_features
+from sgraph_core.features import FeatureSet, edge_features, edge_index, node_features
 from sgraph_core.network import ENCODER_VERSION
+from sgraph_core.proximity import Neighbours
 
-__all__ = ["Network"]
+__all__ = ["Inputs", "Network"]
+
+Inputs = dict[str, NDArray[Any]]
+"""Of the encoder: x [N, F_v], edge_index [2, 2E], edge_attr [2E, F_e]."""
 
 
 class Network:
@@ -23,31 +28,42 @@ class Network:
 
     Safe to use from several threads: ONNX Runtime's sessions are, and nothing else is kept.
 
+    Attributes:
+        features: what the encoder is given of nodes and edges.
+        neighbours: the pairs that it is given.
+
     Args:
-        encoder: the encoder's ONNX file; the shipped one by default.
+        folder: where ``encoder.onnx`` and a head per concept are, as ``sgraph train`` writes them;
+            the shipped ones by default.
         threads: threads that ONNX Runtime may use for one scene.
 
     Raises:
         WeightsError: the file is absent, damaged or of another version.
     """
 
-    def __init__(self, encoder: Traversable | None = None, threads: int = 1) -> None:
-        self._threads = threads
-        file = encoder or importlib.resources.files("sgraph_core") / "weights" / "encoder.onnx"
-        self._encoder, metadata = self._open(file)
+    features: FeatureSet
+    neighbours: Neighbours
+
+    def __init__(self, folder: Path | None = None, threads: int = 1) -> None:
+        self._folder, self._threads = folder, threads
+        shipped = importlib.resources.files("sgraph_core") / "weights"
+        self._encoder, metadata = self._open((folder or shipped) / "encoder.onnx")
+        self.features = cast(FeatureSet, metadata["features"])
+        self.neighbours = cast(Neighbours, metadata["neighbours"])
         self._fingerprint = metadata.get("encoder_fingerprint", "")
         self._heads: dict[str, Any] = {}
 
-    def encode(self, scene: Scene) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def inputs(self, scene: Scene) -> Inputs:
+        """Return what the encoder is given of a scene."""
+        return {
+            "x": node_features(scene, self.features),
+            "edge_index": edge_index(scene),
+            "edge_attr": edge_features(scene, self.features),
+        }
+
+    def encode(self, inputs: Inputs) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return node embeddings [N, H] and edge embeddings [2E, H] of a scene with pairs."""
-        nodes, edges = self._encoder.run(
-            None,
-            {
-                "x": node_features(scene),
-                "edge_index": edge_index(scene),
-                "edge_attr": edge_features(scene),
-            },
-        )
+        nodes, edges = self._encoder.run(None, inputs)
         return nodes, edges
 
     def score(
@@ -72,7 +88,10 @@ class Network:
         return ScoredEdges(scene.pairs, (forward + backward) / 2)
 
     def _open_head(self, concept: RegisteredConcept) -> Any:
-        file = concept.weights_file()
+        if self._folder is None:
+            file = concept.weights_file()
+        else:
+            file = self._folder / f"{concept.spec.name}.onnx"
         session, metadata = self._open(file)
         if metadata.get("encoder_fingerprint") != self._fingerprint:
             raise WeightsError(

@@ -78,8 +78,8 @@ class FittingConfig(_Config):
         default=(0.0, 0.3, 0.6, 0.9),
         description="Neighbouring rooms joined by a door; one is drawn per building.",
     )
-    door_width_m: Interval = Field(default=(0.7, 1.3), description="Width of doors.")
-    opening_share: Share = Field(default=0.2, description="Doors that are wide openings.")
+    door_width_m: Interval = Field(default=(0.7, 1.1), description="Width of doors.")
+    opening_share: Share = Field(default=0.1, description="Doors that are wide openings.")
     opening_width_m: Interval = Field(default=(1.3, 3.0), description="Width of wide openings.")
     second_door_share: Share = Field(default=0.15, description="Neighbours with two doors.")
     broken_behind_share: Choices = Field(

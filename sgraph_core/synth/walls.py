@@ -14,10 +14,10 @@ from sgraph_core.synth.polygons import turn_left
 
 __all__ = ["THICKEST_M", "WallGaps", "wall_gaps"]
 
-THICKEST_M = 0.6
+THICKEST_M = 0.5
 THINNEST_M = 0.02
 LEAST_OVERLAP_M = 0.3
-OPPOSED = 0.97
+OPPOSED = np.cos(np.radians(10.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +58,7 @@ class WallGaps:
 
 
 def wall_gaps(segments: FloatArray, normals: FloatArray) -> WallGaps:
-    """Return where surfaces lie back to back at most 0.6 m apart over at least 0.3 m."""
+    """Return where surfaces lie back to back at most 0.5 m apart over at least 0.3 m."""
     lines = lines_of(segments)
     one, two = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=THICKEST_M)
     opposed = (one < two) & (dot(normals[one], normals[two]) < -OPPOSED)

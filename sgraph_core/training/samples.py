@@ -23,7 +23,7 @@ from sgraph_core.files import write_whole
 from sgraph_core.preprocess import preprocess
 from sgraph_core.proximity import build_scene
 from sgraph_core.synth.building import draw_building
-from sgraph_core.synth.config import BuildingConfig
+from sgraph_core.training.config import TrainingConfig
 
 __all__ = ["Progress", "Sample", "make_samples", "sample_floor"]
 
@@ -52,8 +52,7 @@ class Sample:
 
 
 def make_samples(
-    config: BuildingConfig,
-    seed: int,
+    config: TrainingConfig,
     numbers: range,
     concepts: Sequence[str],
     folder: Path,
@@ -64,8 +63,7 @@ def make_samples(
     A floor depends only on configuration, seed and its number.
 
     Args:
-        config: the distribution of buildings.
-        seed: of the run.
+        config: of the run.
         numbers: which floors.
         concepts: whose labels are wanted; installed plugins with a labeller.
         folder: where chunks of floors are kept; another run's must not be in it.
@@ -74,7 +72,7 @@ def make_samples(
     chunks = [numbers[k : k + CHUNK] for k in range(0, len(numbers), CHUNK)]
     files = [folder / f"floors-{chunk.start:06d}-{chunk.stop:06d}.npz" for chunk in chunks]
     todo = [(chunk, file) for chunk, file in zip(chunks, files, strict=True) if not file.exists()]
-    make = partial(_make_chunk, config, seed, tuple(concepts))
+    make = partial(_make_chunk, config, tuple(concepts))
     context = multiprocessing.get_context("spawn")  # forking a process that runs threads may hang
     with ProcessPoolExecutor(os.cpu_count(), mp_context=context) as pool:
         done = len(chunks) - len(todo)
@@ -85,7 +83,7 @@ def make_samples(
 
 
 def sample_floor(
-    rng: np.random.Generator, config: BuildingConfig, concepts: Sequence[str], registry: Registry
+    rng: np.random.Generator, config: TrainingConfig, concepts: Sequence[str], registry: Registry
 ) -> Sample:
     """Draw a building that has pairs to relate, and return it as a sample.
 
@@ -93,14 +91,19 @@ def sample_floor(
         ConceptError: a labeller returned nonsense.
     """
     while True:
-        building = draw_building(rng, config)
+        building = draw_building(rng, config.building)
         fragments = preprocess(building.graph("floor").wall_surfaces.ordered())
-        scene = build_scene(fragments.surfaces)
+        scene = build_scene(fragments.surfaces, config.neighbours)
         if len(scene.pairs):
             break
     truth = building.truth(fragments.surfaces)
     labels = {name: _labels(name, truth, scene, registry) for name in concepts}
-    return Sample(node_features(scene), edge_index(scene), edge_features(scene), labels)
+    return Sample(
+        node_features(scene, config.features),
+        edge_index(scene),
+        edge_features(scene, config.features),
+        labels,
+    )
 
 
 def _labels(name: str, truth: BuildingTruth, scene: Scene, registry: Registry) -> NDArray[np.bool_]:
@@ -122,12 +125,14 @@ def _labels(name: str, truth: BuildingTruth, scene: Scene, registry: Registry) -
 
 
 def _make_chunk(
-    config: BuildingConfig, seed: int, concepts: tuple[str, ...], numbers: range, file: Path
+    config: TrainingConfig, concepts: tuple[str, ...], numbers: range, file: Path
 ) -> None:
     registry = installed()
     arrays: dict[str, NDArray[Any]] = {}
     for number in numbers:
-        sample = sample_floor(np.random.default_rng([seed, number]), config, concepts, registry)
+        sample = sample_floor(
+            np.random.default_rng([config.seed, number]), config, concepts, registry
+        )
         arrays[f"{number}/x"] = sample.x
         arrays[f"{number}/edge_index"] = sample.edge_index.astype(np.int32)
         arrays[f"{number}/edge_attr"] = sample.edge_attr

@@ -49,7 +49,8 @@ def train(
 
     ``folder`` then holds ``encoder.onnx``, ``encoder.safetensors``, a head per concept and
     ``training.json``, the record of how they came about. Until then it holds a checkpoint, from
-    which an interrupted run goes on and ends with the same weights.
+    which an interrupted run goes on and ends with the same weights. A run that has stopped goes on
+    to a later stop in the same way.
 
     Args:
         config: the run.
@@ -77,12 +78,13 @@ def train(
         run = _Run.new(config, names, registry, concept, samples.training)
         if resume:
             run.load(folder / CHECKPOINT)
-        for step in range(run.step, config.steps):
+        for step in range(run.step, config.last_step):
             run.learn(_batch(samples.training, config, step))
-            if run.step % STEPS_PER_CHECKPOINT == 0 or run.step == config.steps:
+            if run.step % STEPS_PER_CHECKPOINT == 0 or run.step == config.last_step:
                 run.validate(samples.validation)
                 run.save(folder / CHECKPOINT)
-            progress("training", run.step, config.steps)
+            progress("training", run.step, config.last_step)
+    run.temper()
     record = _record(config, names, run, concept)
     _write(folder, run, record, names)
     return record
@@ -127,8 +129,9 @@ def _trainable(registry: Registry, concept: str | None) -> list[str]:
 
 
 def _claim(folder: Path, config: TrainingConfig, names: Sequence[str], resume: bool) -> None:
-    """Make sure that a folder's files are those of this run."""
-    run = {"config": config.model_dump(mode="json"), "concepts": list(names)}
+    """Make sure that a folder's files are those of this run, wherever it is to stop."""
+    settings = config.model_dump(mode="json", exclude={"stop", "temperatures"})
+    run = {"config": settings, "concepts": list(names)}
     claim, wanted = folder / "run.json", json.dumps(run, indent=1)
     if claim.exists():
         if not resume:
@@ -156,7 +159,7 @@ def _make_all(
     total = config.floors + config.validation_floors
     floors = folder / "floors"
     floors.mkdir(exist_ok=True)
-    samples = make_samples(config.building, config.seed, range(total), names, floors, progress)
+    samples = make_samples(config, range(total), names, floors, progress)
     return _Samples(samples[: config.floors], samples[config.floors :])
 
 
@@ -236,11 +239,11 @@ class _Run:
         samples: Sequence[Sample],
     ) -> _Run:
         if concept is None:
-            encoder = Encoder(config.hidden, config.layers)
+            encoder = Encoder(config.hidden, config.layers, config.features)
             initialise(encoder)
             _set_normalisation(encoder, samples)
         else:
-            encoder = _shipped_encoder()
+            encoder = _shipped_encoder(config)
         heads = {}
         for name in names:
             spec = registry[name].spec.head
@@ -292,6 +295,12 @@ class _Run:
         self._losses = []
         self.history.append(entry)
 
+    def temper(self) -> None:
+        """Give the heads their temperatures, now that they have been trained."""
+        for name, head in self.heads.items():
+            assert isinstance(head, Head)
+            head.temperature.fill_(self.config.temperatures.get(name, 1.0))
+
     def save(self, path: Path) -> None:
         """Write a checkpoint."""
         state = {
@@ -321,6 +330,10 @@ class _Run:
             self.step, self.history = state["step"], state["history"]
         except (OSError, KeyError, RuntimeError, ValueError, UnpicklingError) as error:
             raise TrainingError(f"{path}: is no checkpoint of this run: {error}") from error
+        if self.step > self.config.last_step:
+            raise TrainingError(
+                f"{path}: is at step {self.step}, which is after the last, {self.config.last_step}"
+            )
 
 
 def _set_normalisation(encoder: Encoder, samples: Sequence[Sample]) -> None:
@@ -335,7 +348,7 @@ def _set_normalisation(encoder: Encoder, samples: Sequence[Sample]) -> None:
         getattr(encoder, f"{name}_scale").copy_(torch.from_numpy(scale))
 
 
-def _shipped_encoder() -> Encoder:
+def _shipped_encoder(run: TrainingConfig) -> Encoder:
     from safetensors.torch import load
 
     folder = importlib.resources.files("sgraph_core") / "weights"
@@ -345,7 +358,13 @@ def _shipped_encoder() -> Encoder:
     except OSError as error:
         raise WeightsError(f"the shipped encoder cannot be read: {error}") from error
     config = TrainingConfig.model_validate(record["config"])
-    encoder = Encoder(config.hidden, config.layers)
+    for name in ("features", "neighbours"):
+        wanted, given = getattr(config, name), getattr(run, name)
+        if wanted != given:
+            raise TrainingError(
+                f"{name} = {given!r}: must be {wanted!r}, as for the shipped encoder"
+            )
+    encoder = Encoder(config.hidden, config.layers, config.features)
     encoder.load_state_dict(state)
     return encoder.eval()
 
@@ -377,7 +396,9 @@ def _write(folder: Path, run: _Run, record: Mapping[str, Any], names: Sequence[s
     from safetensors.torch import save_file
 
     if not run.frozen:
-        export_encoder(run.encoder, folder / "encoder.onnx")
+        export_encoder(
+            run.encoder, folder / "encoder.onnx", run.config.features, run.config.neighbours
+        )
         write_whole(
             folder / "encoder.safetensors",
             lambda temporary: save_file(run.encoder.state_dict(), temporary),

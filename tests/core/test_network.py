@@ -68,7 +68,8 @@ def test_any_exported_encoder_equals_the_torch_one(
 ) -> None:
     encoder, _, folder = exported
     scene = scene_of(graph)
-    nodes, edges = Network(folder / "encoder.onnx").encode(scene)
+    network = Network(folder)
+    nodes, edges = network.encode(network.inputs(scene))
     with torch.no_grad():
         torch_nodes, torch_edges = encoder(*tensors(scene))
     assert nodes == pytest.approx(torch_nodes.numpy(), abs=1e-5)
@@ -86,7 +87,8 @@ def shipped_encoder() -> Encoder:
 @pytest.mark.parametrize("graph", SCENES)
 def test_the_shipped_encoder_equals_the_torch_one(graph: SGraph) -> None:
     scene = scene_of(graph)
-    nodes, edges = Network().encode(scene)
+    network = Network()
+    nodes, edges = network.encode(network.inputs(scene))
     with torch.no_grad():
         torch_nodes, torch_edges = shipped_encoder()(*tensors(scene))
     assert nodes == pytest.approx(torch_nodes.numpy(), abs=1e-5)
@@ -162,17 +164,17 @@ def test_weights_start_xavier_uniform() -> None:
 
 def test_the_input_layer_fits_the_features() -> None:
     encoder = Encoder()
-    assert encoder.node_mean.shape == (len(NODE_FEATURES),)
-    assert encoder.edge_mean.shape == (len(EDGE_FEATURES),)
+    assert encoder.node_mean.shape == (len(NODE_FEATURES["visibility"]),)
+    assert encoder.edge_mean.shape == (len(EDGE_FEATURES["visibility"]),)
 
 
 def test_a_head_of_other_encoder_weights_is_refused(
-    exported: tuple[Encoder, Head, Path],
+    exported: tuple[Encoder, Head, Path], tmp_path: Path
 ) -> None:
-    detector = Detector()
-    detector.network = Network(exported[2] / "encoder.onnx")
+    (tmp_path / "encoder.onnx").write_bytes((exported[2] / "encoder.onnx").read_bytes())
+    (tmp_path / "room.onnx").write_bytes(installed()["room"].weights_file().read_bytes())
     with pytest.raises(WeightsError, match="trained on other encoder weights"):
-        detector.infer(SCENES[0])
+        Detector(weights=tmp_path).infer(SCENES[0], ["room"])
 
 
 @pytest.mark.parametrize(
@@ -184,7 +186,7 @@ def test_damaged_weights_are_named(tmp_path: Path, content: bytes | None, messag
     if content is not None:
         file.write_bytes(content)
     with pytest.raises(WeightsError, match=message):
-        Network(file)
+        Network(tmp_path)
 
 
 def test_weights_of_another_version_are_refused(
@@ -192,9 +194,9 @@ def test_weights_of_another_version_are_refused(
 ) -> None:
     model = onnx.load(str(exported[2] / "encoder.onnx"))
     onnx.helper.set_model_props(model, {"encoder": "0.1"})
-    onnx.save(model, str(tmp_path / "old.onnx"))
+    onnx.save(model, str(tmp_path / "encoder.onnx"))
     with pytest.raises(WeightsError, match=r"version '0\.1', but version '1' is installed"):
-        Network(tmp_path / "old.onnx")
+        Network(tmp_path)
 
 
 def test_exported_files_hold_no_paths_of_the_machine(

@@ -9,16 +9,18 @@ from hypothesis import strategies as st
 from plans import L_SHAPE, block, plan, rectangle
 
 from sgraph_concepts.types import IntArray, Scene, SurfaceArrays
+from sgraph_core.closures import nearest
 from sgraph_core.features import (
     EDGE_FEATURES,
     NODE_FEATURES,
+    FeatureSet,
     edge_features,
     edge_index,
     node_features,
 )
 from sgraph_core.graph import SGraph
 from sgraph_core.proximity import build_scene
-from sgraph_core.visibility import facing_pairs, nearest, visibility
+from sgraph_core.visibility import VISIBILITIES, facing_pairs, visibility
 
 
 def seen(graph: SGraph, one: int, two: int) -> list[float]:
@@ -26,7 +28,7 @@ def seen(graph: SGraph, one: int, two: int) -> list[float]:
 
 
 def test_opposite_sides_of_a_room_see_all_of_each_other() -> None:
-    assert seen(plan(rectangle(0, 0, 5, 4)), 0, 2) == [1, 1, 1, 1]
+    assert seen(plan(rectangle(0, 0, 5, 4)), 0, 2) == [1] * len(VISIBILITIES)
 
 
 def test_surfaces_back_to_back_see_nothing_of_each_other() -> None:
@@ -42,7 +44,7 @@ def test_a_doorway_lets_some_lines_of_sight_through_until_it_is_closed() -> None
     for number, (x, side) in enumerate(((5.0, -1), (5.1, 1))):  # the wall, with a 1 m door
         graph.add_wall_surface(2 + 2 * number, [[x, 0], [x, 1.5]], [side, 0])
         graph.add_wall_surface(3 + 2 * number, [[x, 2.5], [x, 4]], [side, 0])
-    free, door_closed, wide_closed, all_closed = seen(graph, 0, 1)
+    free, door_closed, wide_closed, all_closed, *_ = seen(graph, 0, 1)
     assert 0 < free < 0.6
     assert (door_closed, wide_closed, all_closed) == (0, 0, 0)
 
@@ -53,16 +55,27 @@ def test_a_wide_opening_is_closed_only_by_the_wider_gaps() -> None:
     graph.add_wall_surface(1, [[8, 0], [8, 6]], [-1, 0])
     graph.add_wall_surface(2, [[4, 0], [4, 2]], [-1, 0])
     graph.add_wall_surface(3, [[4, 4.5], [4, 6]], [-1, 0])
-    free, door_closed, wide_closed, all_closed = seen(graph, 0, 1)
+    free, door_closed, wide_closed, all_closed, *_ = seen(graph, 0, 1)
     assert free == door_closed > 0
     assert (wide_closed, all_closed) == (0, 0)
+
+
+def test_a_wall_that_ends_in_the_open_is_continued_as_far_as_the_column_says() -> None:
+    graph = SGraph()
+    graph.add_wall_surface(0, [[0, 0], [0, 6]], [1, 0])
+    graph.add_wall_surface(1, [[8, 0], [8, 6]], [-1, 0])
+    graph.add_wall_surface(2, [[0, 6], [8, 6]], [0, -1])
+    graph.add_wall_surface(3, [[4, 0], [4, 3]], [-1, 0])  # 3 m short of the wall that it meets
+    free, door, wide, all_gaps, short, longer, longest = seen(graph, 0, 1)
+    assert free == door == wide == all_gaps == short > 0
+    assert (longer, longest) == (0, 0)
 
 
 def brute_force_visibility(surfaces: SurfaceArrays, pairs: IntArray) -> np.ndarray:
     """The definition, ray by ray."""
     import shapely
 
-    from sgraph_core.visibility import CLEARANCE_M, FRACTIONS
+    from sgraph_core.rays import CLEARANCE_M, FRACTIONS
 
     shares = []
     for one, two in pairs:
@@ -138,17 +151,19 @@ def test_an_empty_map_and_a_lone_surface_have_no_pairs() -> None:
     assert len(build_scene(graph.wall_surfaces.ordered()).pairs) == 0
 
 
-def features(graph: SGraph) -> tuple[dict[int, np.ndarray], dict[tuple[int, int], np.ndarray]]:
+def features(
+    graph: SGraph, kind: FeatureSet
+) -> tuple[dict[int, np.ndarray], dict[tuple[int, int], np.ndarray]]:
     """Return node features by id, edge features by ids (j, i)."""
     scene = build_scene(graph.wall_surfaces.ordered())
     ids = scene.surfaces.ids
-    nodes = dict(zip(ids.tolist(), node_features(scene), strict=True))
+    nodes = dict(zip(ids.tolist(), node_features(scene, kind), strict=True))
     ends = [tuple(pair) for pair in ids[edge_index(scene)].T.tolist()]
-    return nodes, dict(zip(ends, edge_features(scene), strict=True))
+    return nodes, dict(zip(ends, edge_features(scene, kind), strict=True))
 
 
-def assert_same_features(one: SGraph, two: SGraph) -> None:
-    (nodes, edges), (other_nodes, other_edges) = features(one), features(two)
+def assert_same_features(one: SGraph, two: SGraph, kind: FeatureSet = "visibility") -> None:
+    (nodes, edges), (other_nodes, other_edges) = features(one, kind), features(two, kind)
     assert set(edges) == set(other_edges)
     for key, value in nodes.items():
         assert other_nodes[key] == pytest.approx(value, abs=1e-5)
@@ -156,13 +171,46 @@ def assert_same_features(one: SGraph, two: SGraph) -> None:
         assert other_edges[pair] == pytest.approx(value, abs=1e-5)
 
 
+@pytest.mark.parametrize("kind", ["visibility", "frame"])
 @pytest.mark.parametrize("offset", [(0.0, 0.0), (3.7, -12.1), (500_000.0, 5_400_000.0)])
 @pytest.mark.parametrize("angle", [0.0, 0.3, np.pi / 4, np.pi / 2, 3.0])
 def test_features_do_not_change_when_the_map_is_moved_or_turned(
-    angle: float, offset: tuple[float, float]
+    angle: float, offset: tuple[float, float], kind: FeatureSet
 ) -> None:
     rooms = (L_SHAPE, rectangle(8.15, 0, 5, 4), rectangle(0, 7.2, 6, 5))
-    assert_same_features(plan(*rooms), plan(*rooms, angle_rad=angle, offset=offset))
+    assert_same_features(plan(*rooms), plan(*rooms, angle_rad=angle, offset=offset), kind)
+
+
+def test_the_papers_features_turn_with_the_map_but_do_not_move_with_it() -> None:
+    straight, moved = plan(L_SHAPE), plan(L_SHAPE, offset=(3.0, -700.0))
+    assert_same_features(straight, moved, "paper")
+    (nodes, edges), (turned_nodes, turned_edges) = (
+        features(graph, "paper") for graph in (straight, plan(L_SHAPE, angle_rad=np.pi / 2))
+    )
+    for number, (length, x, y) in nodes.items():
+        assert turned_nodes[number] == pytest.approx([length, -y, x], abs=1e-5)
+    for pair, (x, y, distance) in edges.items():
+        assert turned_edges[pair] == pytest.approx([-y, x, distance], abs=1e-5)
+
+
+def test_the_papers_neighbours_are_the_15_nearest_midpoints() -> None:
+    surfaces = plan(*[rectangle(6.0 * k, 0, 5, 4) for k in range(8)]).wall_surfaces.ordered()
+    scene = build_scene(surfaces, "nearest")
+    apart = np.linalg.norm(surfaces.midpoints[:, None] - surfaces.midpoints[None], axis=2)
+    linked = np.zeros(apart.shape, bool)
+    linked[tuple(scene.pairs.T)] = linked[tuple(scene.pairs.T[::-1])] = True
+    assert (linked.sum(axis=1) >= 15).all()
+    reach = np.sort(apart, axis=1)[:, 15]
+    either_asks = np.maximum.outer(reach, reach)
+    others = ~np.eye(len(apart), dtype=bool)
+    assert (apart <= either_asks + 1e-9)[linked].all()
+    assert (apart >= either_asks - 1e-9)[~linked & others].all()
+
+
+def test_a_lone_surface_has_no_nearest_neighbours() -> None:
+    graph = SGraph()
+    graph.add_wall_surface(5, [[0, 0], [1, 0]], [0, 1])
+    assert len(build_scene(graph.wall_surfaces.ordered(), "nearest").pairs) == 0
 
 
 @given(st.randoms(use_true_random=False))
@@ -181,11 +229,12 @@ def test_features_do_not_depend_on_the_order_of_surfaces_and_endpoints(random: o
     assert_same_features(graph, shuffled)
 
 
-def test_every_feature_is_named_and_finite() -> None:
+@pytest.mark.parametrize("kind", list(NODE_FEATURES))
+def test_every_feature_is_named_and_finite(kind: FeatureSet) -> None:
     scene: Scene = build_scene(block(0.06, 0.7).wall_surfaces.ordered())
-    nodes, edges = node_features(scene), edge_features(scene)
-    assert nodes.shape == (16, len(NODE_FEATURES))
-    assert edges.shape == (2 * len(scene.pairs), len(EDGE_FEATURES))
+    nodes, edges = node_features(scene, kind), edge_features(scene, kind)
+    assert nodes.shape == (16, len(NODE_FEATURES[kind]))
+    assert edges.shape == (2 * len(scene.pairs), len(EDGE_FEATURES[kind]))
     assert np.isfinite(nodes).all()
     assert np.isfinite(edges).all()
 

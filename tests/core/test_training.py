@@ -13,15 +13,23 @@ from plans import block
 from sgraph_concepts.errors import ConceptError, TrainingError
 from sgraph_concepts.spec import ConceptSpec, HeadSpec
 from sgraph_core.concepts import installed, new_registry
+from sgraph_core.detector import Detector
 from sgraph_core.features import edge_index
 from sgraph_core.network.runtime import Network
 from sgraph_core.proximity import build_scene
-from sgraph_core.synth.config import BuildingConfig
+from sgraph_core.settings import read_settings
 from sgraph_core.training import trainer
-from sgraph_core.training.config import TrainingConfig
+from sgraph_core.training.config import TrainingConfig, config_file
 from sgraph_core.training.samples import sample_floor
 
-SMALL = TrainingConfig(floors=4, validation_floors=2, steps=6, floors_per_step=2, hidden=8)
+SMALL = TrainingConfig(
+    floors=4,
+    validation_floors=2,
+    steps=6,
+    floors_per_step=2,
+    hidden=8,
+    temperatures={"room": 2.0},
+)
 
 
 @pytest.fixture(scope="module")
@@ -32,8 +40,9 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_run_leaves_weights_that_infer(trained: Path) -> None:
-    network = Network(trained / "encoder.onnx")
-    nodes, edges = network.encode(build_scene(block(0.1).wall_surfaces.ordered()))
+    network = Network(trained)
+    scene = build_scene(block(0.1).wall_surfaces.ordered())
+    nodes, edges = network.encode(network.inputs(scene))
     assert nodes.shape[1] == edges.shape[1] == 8
     for name in ("room.onnx", "wall.onnx", "encoder.safetensors"):
         assert (trained / name).stat().st_size > 0
@@ -63,6 +72,47 @@ def test_an_interrupted_run_ends_with_the_same_weights(
     trainer.train(SMALL, tmp_path, installed(), resume=True)
     for name in ("encoder.onnx", "encoder.safetensors", "room.onnx", "wall.onnx"):
         assert (tmp_path / name).read_bytes() == (trained / name).read_bytes(), name
+
+
+def test_a_run_that_stopped_goes_on_to_a_later_stop(trained: Path, tmp_path: Path) -> None:
+    (tmp_path / "floors").symlink_to(trained / "floors")
+    early = SMALL.model_copy(update={"stop": 4})
+    record = trainer.train(early, tmp_path, installed())
+    assert record["history"][-1]["step"] == 4
+    assert (tmp_path / "room.onnx").read_bytes() != (trained / "room.onnx").read_bytes()
+    trainer.train(SMALL, tmp_path, installed(), resume=True)
+    assert (tmp_path / "room.onnx").read_bytes() == (trained / "room.onnx").read_bytes()
+    with pytest.raises(TrainingError, match="is at step 6, which is after the last, 4"):
+        trainer.train(early, tmp_path, installed(), resume=True)
+
+
+def test_a_temperature_divides_the_exported_logits(trained: Path, tmp_path: Path) -> None:
+    (tmp_path / "floors").symlink_to(trained / "floors")
+    trainer.train(SMALL.model_copy(update={"temperatures": {}}), tmp_path, installed())
+    scene = build_scene(block(0.1).wall_surfaces.ordered())
+    warm, plain = Detector(weights=trained), Detector(weights=tmp_path)
+    for name, temperature in (("room", 2.0), ("wall", 1.0)):
+        concept = installed()[name]
+        assert plain.score(concept, scene).logits == pytest.approx(
+            temperature * warm.score(concept, scene).logits, abs=1e-5
+        )
+
+
+def test_the_papers_settings_train_and_infer(tmp_path: Path) -> None:
+    paper = read_settings(config_file("paper"), TrainingConfig)
+    assert (paper.features, paper.neighbours) == ("paper", "nearest")
+    few = {"floors": 4, "validation_floors": 2, "steps": 4, "floors_per_step": 2}
+    trainer.train(paper.model_copy(update=few), tmp_path, installed())
+    network = Network(tmp_path)
+    assert (network.features, network.neighbours) == ("paper", "nearest")
+    result = Detector(weights=tmp_path, clusterers={"room": "cycles"}).infer(block(0.1))
+    assert set(result.concepts) == {"room", "wall"}
+
+
+def test_a_head_alone_is_trained_on_the_shipped_encoders_features(tmp_path: Path) -> None:
+    config = SMALL.model_copy(update={"features": "frame"})
+    with pytest.raises(TrainingError, match="features = 'frame': must be 'visibility'"):
+        trainer.train(config, tmp_path, installed(), concept="wall")
 
 
 def test_another_run_is_not_overwritten(trained: Path) -> None:
@@ -114,7 +164,7 @@ def test_one_head_is_trained_on_the_shipped_encoder(tmp_path: Path) -> None:
     network, scene = Network(), build_scene(block(0.1).wall_surfaces.ordered())
     head, metadata = network._open(tmp_path / "wall.onnx")
     assert metadata["encoder_fingerprint"] == network._fingerprint
-    nodes, edges = network.encode(scene)
+    nodes, edges = network.encode(network.inputs(scene))
     (logits,) = head.run(None, {"x": nodes, "edge_index": edge_index(scene), "edge_attr": edges})
     assert logits.shape == (2 * len(scene.pairs),)
 
@@ -151,11 +201,11 @@ def test_labellers_that_return_nonsense_are_named(labeller: str, message: str) -
         )
     )
     with pytest.raises(ConceptError, match=message):
-        sample_floor(np.random.default_rng(0), BuildingConfig(), ["zone"], registry)
+        sample_floor(np.random.default_rng(0), SMALL, ["zone"], registry)
 
 
 def test_labels_cover_true_pairs_among_the_scenes_pairs() -> None:
-    sample = sample_floor(np.random.default_rng(1), BuildingConfig(), ["room", "wall"], installed())
+    sample = sample_floor(np.random.default_rng(1), SMALL, ["room", "wall"], installed())
     count = sample.edge_index.shape[1] // 2
     assert sample.labels["room"].shape == sample.labels["wall"].shape == (count,)
     assert 0 < sample.labels["room"].mean() < 1

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sgraph_cli.arguments import ScorerName, by_concept
+from sgraph_cli.arguments import ScorerName, Weights, by_concept
 from sgraph_cli.console import print_table, progress, warn_about_plugins
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ def evaluate(
     scorer: Annotated[
         ScorerName, typer.Option(help="The trained network, or the rules without learning.")
     ] = ScorerName.network,
+    weights: Weights = None,
     clusterer: Annotated[
         list[str] | None,
         typer.Option(metavar="CONCEPT=NAME", help="Another clusterer, such as room=cycles."),
@@ -49,7 +50,9 @@ def evaluate(
     from sgraph_core.evaluation.report import evaluate as run
     from sgraph_core.evaluation.trajectory import read_tum
 
-    detector = None if stored else Detector(scorer=scorer.value, clusterers=clusterers)
+    detector = (
+        None if stored else Detector(scorer=scorer.value, clusterers=clusterers, weights=weights)
+    )
     if detector is not None:
         warn_about_plugins(list(detector.registry.problems))
     reference = None if trajectory is None else read_tum(trajectory)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sgraph_cli.arguments import ScorerName, by_concept, load_map
+from sgraph_cli.arguments import ScorerName, Weights, by_concept, load_map
 from sgraph_cli.console import note, print_table, warn_about_plugins
 
 if TYPE_CHECKING:
@@ -40,6 +40,7 @@ def infer(
     scorer: Annotated[
         ScorerName, typer.Option(help="The trained network, or the rules without learning.")
     ] = ScorerName.network,
+    weights: Weights = None,
     clusterer: Annotated[
         list[str] | None,
         typer.Option(
@@ -64,7 +65,7 @@ def infer(
     from sgraph_core.detector import Detector
     from sgraph_core.map_file import dump, save
 
-    detector = Detector(scorer=scorer.value, clusterers=clusterers)
+    detector = Detector(scorer=scorer.value, clusterers=clusterers, weights=weights)
     warn_about_plugins(list(detector.registry.problems))
     graph = load_map(map_file)
     if optimize:

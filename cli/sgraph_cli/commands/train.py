@@ -15,7 +15,11 @@ __all__ = ["train"]
 def train(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for weights and record.")],
     config: Annotated[
-        Path | None, typer.Option(help="JSON file with the run's settings (docs/training.md).")
+        str | None,
+        typer.Option(
+            metavar="FILE|paper",
+            help="JSON file with the run's settings (docs/training.md), or the paper's.",
+        ),
     ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Instead of the settings' one.")] = None,
     floors: Annotated[
@@ -38,13 +42,13 @@ def train(
     """
     from sgraph_core.concepts import installed
     from sgraph_core.settings import read_settings
-    from sgraph_core.training.config import TrainingConfig
+    from sgraph_core.training.config import TrainingConfig, config_file
     from sgraph_core.training.trainer import train as run
 
     given = {"seed": seed, "floors": floors, "steps": steps}
-    settings = read_settings(config, TrainingConfig).model_copy(
-        update={name: value for name, value in given.items() if value is not None}
-    )
+    settings = read_settings(config_file(config), TrainingConfig)
+    changed = {name: value for name, value in given.items() if value is not None}
+    settings = TrainingConfig.model_validate({**settings.model_dump(), **changed})
     registry = installed()
     warn_about_plugins(list(registry.problems))
     with progress() as report:

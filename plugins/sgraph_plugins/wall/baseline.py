@@ -21,7 +21,7 @@ def score(scene: Scene) -> FloatArray:
     """Return the log-odds of the pairs, [E]."""
     one, two = scene.pairs.T
     lie = back_to_back(scene.surfaces, one, two)
-    is_wall = lie.physical(THICKEST_M, LEAST_OVERLAP_M) & (lie.thickness > 0)
+    is_wall = lie.physical(THICKEST_M, LEAST_OVERLAP_M)
     rows = np.flatnonzero(is_wall)
     is_wall[rows] = ~_something_between(scene, scene.pairs[rows], lie.centres[rows])
     return np.where(is_wall, SURE_LOGIT, -SURE_LOGIT)

@@ -9,7 +9,7 @@ from sgraph_plugins.wall.geometry import back_to_back
 
 __all__ = ["cluster"]
 
-THICKEST_M = 0.7
+THICKEST_M = 0.6
 LEAST_OVERLAP_M = 0.25
 
 

@@ -35,14 +35,12 @@ class BackToBack:
         return np.asarray(
             (self.opposed > OPPOSED)
             & (self.overlap >= least_overlap_m)
-            & (self.thickness > THINNEST_M)
+            & (self.thickness > 0)
             & (self.thickness <= thickest_m)
         )
 
 
 OPPOSED = np.cos(np.radians(20.0))
-THINNEST_M = -0.05
-"""Noise may let the sides of a thin wall cross."""
 
 
 def back_to_back(surfaces: SurfaceArrays, one: IntArray, two: IntArray) -> BackToBack:

@@ -1,0 +1,113 @@
+"""Where the space between surfaces can be closed: gaps in walls, and walls that end too early.
+
+A doorway is a gap between collinear surfaces. Where a surface is missing, or rooms open into one
+another without a door, a wall ends in the open; continued straight on it meets the next surface.
+Both closures are as likely to be a border of a room as they are short.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from sgraph_concepts.types import FloatArray, IntArray, SurfaceArrays
+from sgraph_core.geometry import cross, dot, lines_of, points_of
+
+__all__ = ["Closures", "continuations", "gaps", "nearest"]
+
+GAP_ANGLE_RAD = np.radians(15.0)
+GAP_OFFSET_M = 0.12
+GAP_SLOPE = 0.05
+"""Surfaces count as collinear over a gap when they are within 15 degrees, and offset by at most
+12 cm and 5 % of the gap."""
+
+CORNER_M = 0.25
+CORNER_SINE = 0.3
+"""An end is part of a corner when a surface that turns by over 17 degrees comes this close."""
+MEETS_SINE = 0.2
+"""A continued surface ends at surfaces that it meets at over 12 degrees."""
+CLEARANCE_M = 0.02
+"""A surface is continued from this far beyond its end, clear of what it touches there."""
+
+
+@dataclass(frozen=True, eq=False)
+class Closures:
+    """Segments [C, 2, 2] that close a space, and their lengths in metres [C]."""
+
+    segments: FloatArray
+    widths: FloatArray
+
+
+def gaps(surfaces: SurfaceArrays, widest_m: float) -> Closures:
+    """Return the gaps from each surface's second end to the next collinear surface's first.
+
+    Args:
+        surfaces: N surfaces.
+        widest_m: wider gaps are left out.
+    """
+    ends, starts = surfaces.segments[:, 1], surfaces.segments[:, 0]
+    tree = shapely.STRtree(points_of(starts))
+    one, two = tree.query(points_of(ends), predicate="dwithin", distance=widest_m)
+    gap = starts[two] - ends[one]
+    tangent = surfaces.tangents[one] + surfaces.tangents[two]
+    tangent /= np.maximum(np.linalg.norm(tangent, axis=1), 1e-9)[:, None]
+    width = dot(gap, tangent)
+    collinear = dot(surfaces.normals[one], surfaces.normals[two]) > np.cos(GAP_ANGLE_RAD)
+    collinear &= (width > 0) & (np.abs(cross(gap, tangent)) < GAP_OFFSET_M + GAP_SLOPE * width)
+    collinear &= one != two
+    one, two, width = one[collinear], two[collinear], width[collinear]
+    next_one = nearest(one, width, 1)
+    one, two, width = one[next_one], two[next_one], width[next_one]
+    return Closures(np.stack([ends[one], starts[two]], axis=1), width)
+
+
+def continuations(surfaces: SurfaceArrays, longest_m: float) -> Closures:
+    """Return the continuations of surfaces that end in no corner, up to the next surface.
+
+    Args:
+        surfaces: N surfaces.
+        longest_m: longer continuations are left out.
+    """
+    lines = lines_of(surfaces.segments)
+    tree = shapely.STRtree(lines)
+    own = np.tile(np.arange(len(surfaces)), 2)
+    ends = surfaces.segments[:, ::-1].swapaxes(0, 1).reshape(-1, 2)
+    outwards = np.concatenate([surfaces.tangents, -surfaces.tangents])
+
+    end, near = tree.query(points_of(ends), predicate="dwithin", distance=CORNER_M)
+    corner = (near != own[end]) & (
+        np.abs(cross(outwards[end], surfaces.tangents[near])) >= CORNER_SINE
+    )
+    free = np.setdiff1d(np.arange(len(ends)), end[corner])
+
+    starts = ends[free] + CLEARANCE_M * outwards[free]
+    reach = (longest_m - CLEARANCE_M) * outwards[free]
+    rays = lines_of(np.stack([starts, starts + reach], axis=1))
+    ray, met = tree.query(rays, predicate="intersects")
+    along = surfaces.segments[met, 1] - surfaces.segments[met, 0]
+    sine = cross(outwards[free[ray]], surfaces.tangents[met])
+    meets = (met != own[free[ray]]) & (np.abs(sine) > MEETS_SINE)
+    ray, met, along = ray[meets], met[meets], along[meets]
+    direction = outwards[free[ray]]
+    to_met = surfaces.segments[met, 0] - starts[ray]
+    width = CLEARANCE_M + cross(to_met, along) / cross(direction, along)
+    first = nearest(ray, width, 1)
+    ray, width, direction = ray[first], width[first], direction[first]
+    start = ends[free[ray]]
+    return Closures(np.stack([start, start + width[:, None] * direction], axis=1), width)
+
+
+def nearest(groups: IntArray, distances: FloatArray, count: int) -> NDArray[np.bool_]:
+    """Return which rows are among the ``count`` nearest of their group, ties included, [P]."""
+    tie_m = 1e-6
+    order = np.lexsort((distances, groups))
+    sorted_groups, sorted_distances = groups[order], distances[order]
+    starts = np.searchsorted(sorted_groups, sorted_groups)
+    sizes = np.searchsorted(sorted_groups, sorted_groups, side="right") - starts
+    limit = sorted_distances[starts + np.minimum(count, sizes) - 1] + tie_m
+    near = np.empty(len(groups), bool)
+    near[order] = sorted_distances <= limit
+    return near
