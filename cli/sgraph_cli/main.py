@@ -6,7 +6,7 @@ import sys
 
 import typer
 
-from sgraph_cli.commands import concepts, evaluate, infer, maps, plot, train
+from sgraph_cli.commands import ablate, benchmark, concepts, evaluate, infer, maps, plot, train
 
 __all__ = ["app", "main"]
 
@@ -42,6 +42,8 @@ app.command("plot")(plot.plot)
 app.command("schema")(maps.schema)
 app.command("synth")(maps.synth)
 app.command("train")(train.train)
+app.command("ablate")(ablate.ablate)
+app.command("benchmark")(benchmark.benchmark)
 app.add_typer(concepts.app, name="concepts")
 
 
