@@ -32,8 +32,10 @@ def print_table(table: Table) -> None:
 def _stdout() -> Console:
     from rich.console import Console
 
-    console = Console(highlight=False)
-    return console if console.is_terminal else Console(highlight=False, width=WIDEST)
+    console = Console(highlight=False, markup=False)  # "[m]" is a unit, not markup
+    if not console.is_terminal:
+        console.width = WIDEST
+    return console
 
 
 def note(message: str) -> None:

@@ -39,6 +39,7 @@ def test_infer_prints_a_table_of_rooms_and_walls(sgraph: Any, block_map: Path) -
     assert result.stderr == ""
     assert "4 rooms" in result.stdout
     assert "4 walls" in result.stdout
+    assert "centre [m]" in result.stdout
     assert "20.0 m²" in result.stdout
     assert "0.150 m thick" in result.stdout
 
