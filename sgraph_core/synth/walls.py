@@ -17,7 +17,7 @@ __all__ = ["THICKEST_M", "WallGaps", "wall_gaps"]
 THICKEST_M = 0.5
 THINNEST_M = 0.02
 LEAST_OVERLAP_M = 0.3
-OPPOSED = np.cos(np.radians(10.0))
+OPPOSED = np.cos(np.radians(11.5))
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +58,7 @@ class WallGaps:
 
 
 def wall_gaps(segments: FloatArray, normals: FloatArray) -> WallGaps:
-    """Return where surfaces lie back to back at most 0.5 m apart over at least 0.3 m."""
+    """Return where surfaces lie back to back over at least 0.3 m, 0.02 to 0.5 m apart there."""
     lines = lines_of(segments)
     one, two = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=THICKEST_M)
     opposed = (one < two) & (dot(normals[one], normals[two]) < -OPPOSED)
@@ -68,16 +68,20 @@ def wall_gaps(segments: FloatArray, normals: FloatArray) -> WallGaps:
     along_two = dot(segments[two] - middle[:, None], tangent[:, None])
     low = np.maximum(along_one.min(axis=1), along_two.min(axis=1))
     high = np.minimum(along_one.max(axis=1), along_two.max(axis=1))
-    # the point of the second surface's line halfway along the overlap
-    share = ((low + high) / 2 - along_two[:, 0]) / (along_two[:, 1] - along_two[:, 0])
-    opposite = segments[two, 0] + share[:, None] * (segments[two, 1] - segments[two, 0])
-    thickness = -dot(opposite - middle, normals[one])
-    body = (high - low > LEAST_OVERLAP_M) & (thickness > THINNEST_M) & (thickness <= THICKEST_M)
+
+    def thickness(along: FloatArray) -> FloatArray:
+        share = (along - along_two[:, 0]) / (along_two[:, 1] - along_two[:, 0])
+        opposite = segments[two, 0] + share[:, None] * (segments[two, 1] - segments[two, 0])
+        return -dot(opposite - middle, normals[one])
+
+    body = high - low > LEAST_OVERLAP_M
+    for end in (low, high):
+        body &= (thickness(end) > THINNEST_M) & (thickness(end) <= THICKEST_M)
     return WallGaps(
         one[body],
         two[body],
         (middle + low[:, None] * tangent)[body],
         (middle + high[:, None] * tangent)[body],
         -normals[one][body],
-        thickness[body],
+        thickness((low + high) / 2)[body],
     )

@@ -42,6 +42,7 @@ def test_thickness_is_that_in_the_middle_of_the_overlap(
     assert lie.thickness[0] == pytest.approx(thickness, abs=2e-3)
     x, y = turned([tuple(lie.centres[0])], -angle)[0]  # type: ignore[list-item]
     assert (x, y) == pytest.approx((middle, -thickness / 2), abs=2e-2)
+    assert lie.end_thicknesses[0].mean() == pytest.approx(lie.thickness[0], abs=1e-9)
     swapped = back_to_back(arrays, np.array([1]), np.array([0]))
     assert swapped.thickness[0] == pytest.approx(lie.thickness[0], abs=1e-9)
 
@@ -78,6 +79,20 @@ def test_unphysical_pairs_are_no_walls_however_likely() -> None:
     scene = build_scene(graph.wall_surfaces.ordered())
     every_pair = ScoredEdges(scene.pairs, np.full(len(scene.pairs), 9.0))
     assert [c.members for c in cluster(every_pair, scene)] == [(1, 7)]
+
+
+@pytest.mark.parametrize(
+    ("lower", "walls"),
+    [
+        ([[4.0, -0.3], [0.0, -0.1]], 1),  # 10 cm thick at one end, 30 cm at the other
+        ([[4.0, -0.3], [0.0, 0.02]], 1),  # noise lets the sides cross a little
+        ([[4.0, -0.3], [0.0, 0.1]], 0),  # the sides cross
+        ([[4.0, -0.6], [0.0, -0.1]], 0),  # too thick at one end
+    ],
+)
+def test_a_wall_has_a_body_along_all_of_its_sides(lower: list[list[float]], walls: int) -> None:
+    scene = build_scene(pair([[0.0, 0.0], [4.0, 0.0]], lower).wall_surfaces.ordered())
+    assert len(cluster(ScoredEdges(scene.pairs, np.ones(len(scene.pairs))), scene)) == walls
 
 
 def test_one_surface_may_belong_to_several_walls() -> None:

@@ -9,8 +9,10 @@ from sgraph_plugins.wall.geometry import back_to_back
 
 __all__ = ["cluster"]
 
-THICKEST_M = 0.6
-LEAST_OVERLAP_M = 0.25
+THICKEST_M = 0.55
+LEAST_OVERLAP_M = 0.28
+MOST_CROSSING_M = 0.05
+"""How far noise may let the sides of a wall cross at one end."""
 
 
 def cluster(edges: ScoredEdges, scene: Scene) -> list[Cluster]:
@@ -18,7 +20,10 @@ def cluster(edges: ScoredEdges, scene: Scene) -> list[Cluster]:
     likely = np.flatnonzero(edges.logits > 0)
     one, two = edges.pairs[likely].T
     lie = back_to_back(scene.surfaces, one, two)
-    walls = likely[lie.physical(THICKEST_M, LEAST_OVERLAP_M)]
+    ends = lie.end_thicknesses
+    possible = lie.physical(THICKEST_M, LEAST_OVERLAP_M)
+    possible &= (ends.min(axis=1) > -MOST_CROSSING_M) & (ends.max(axis=1) <= THICKEST_M)
+    walls = likely[possible]
     return [
         Cluster((min(pair), max(pair)), confidence)
         for pair, confidence in zip(

@@ -22,12 +22,14 @@ class BackToBack:
         overlap: length along which the two lie side by side, negative for a gap, [P].
         thickness: distance from one to the other through the wall body at the middle of the
             overlap, negative where they face each other, [P].
+        end_thicknesses: the same at both ends of the overlap, [P, 2].
         centres: that middle, halfway between the two, [P, 2].
     """
 
     opposed: FloatArray
     overlap: FloatArray
     thickness: FloatArray
+    end_thicknesses: FloatArray
     centres: FloatArray
 
     def physical(self, thickest_m: float, least_overlap_m: float) -> NDArray[np.bool_]:
@@ -58,18 +60,22 @@ def back_to_back(surfaces: SurfaceArrays, one: IntArray, two: IntArray) -> BackT
 
     (low_one, high_one), (low_two, high_two) = interval(one), interval(two)
     low, high = np.maximum(low_one, low_two), np.minimum(high_one, high_two)
-    centre = middle + ((low + high) / 2)[:, None] * tangent
+    places = np.stack([low, (low + high) / 2, high], axis=1)
+    points = middle[:, None] + places[..., None] * tangent[:, None]
 
     def depth(rows: IntArray) -> FloatArray:
-        """Return how far the centre lies in front of a surface, measured along the axis."""
-        _, in_front = in_frames(surfaces, rows, centre[:, None])
-        slant = dot(normals[rows], axis)
-        return in_front[:, 0] / np.where(np.abs(slant) > 0.1, slant, np.inf)
+        """Return how far the points lie in front of a surface, measured along the axis, [P, 3]."""
+        _, in_front = in_frames(surfaces, rows, points)
+        slant = dot(normals[rows], axis)[:, None]
+        return in_front / np.where(np.abs(slant) > 0.1, slant, np.inf)
 
     behind_one, behind_two = -depth(one), depth(two)
+    thickness = behind_one + behind_two
+    shift = (behind_one - behind_two)[:, 1] / 2
     return BackToBack(
         opposed=-dot(normals[one], normals[two]),
         overlap=high - low,
-        thickness=behind_one + behind_two,
-        centres=centre + ((behind_one - behind_two) / 2)[:, None] * axis,
+        thickness=thickness[:, 1],
+        end_thicknesses=thickness[:, [0, 2]],
+        centres=points[:, 1] + shift[:, None] * axis,
     )
