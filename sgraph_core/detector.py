@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Literal
@@ -24,6 +24,7 @@ from sgraph_concepts.types import (
     ScoredEdges,
     SurfaceArrays,
 )
+from sgraph_core.clustering.confidence import probability_right
 from sgraph_core.concepts import installed
 from sgraph_core.graph import SGraph
 from sgraph_core.network.runtime import Network
@@ -31,10 +32,25 @@ from sgraph_core.nodes import keep_identity
 from sgraph_core.preprocess import Fragments, preprocess
 from sgraph_core.proximity import build_scene
 
-__all__ = ["Detector", "Scorer"]
+__all__ = ["Detector", "Inference", "Scorer"]
 
 Scorer = Literal["network", "baseline"]
 """Who scores the relations: the trained network, or each concept's rule without learning."""
+
+
+@dataclass(frozen=True, eq=False)
+class Inference:
+    """An inferred S-Graph and what led to it.
+
+    Attributes:
+        graph: the S-Graph with its concepts.
+        scene: the preprocessed surfaces and the pairs that were scored.
+        relations: scored pairs of the scene, by concept that groups wall surfaces.
+    """
+
+    graph: SGraph
+    scene: Scene
+    relations: Mapping[str, ScoredEdges]
 
 
 class Detector:
@@ -46,6 +62,9 @@ class Detector:
         clusterers: other clusterers than the declared ones, by concept: a built-in name or
             ``package.module:function``.
         weights: folder with other weights than the shipped ones, as ``sgraph train`` writes them.
+        calibrated: give nodes the probability that they are right as their confidence, where the
+            concept declares how; else, and with another scorer, clusterer or weights than
+            the declared ones, a node's confidence is what its clusterer says.
     """
 
     def __init__(
@@ -54,9 +73,11 @@ class Detector:
         scorer: Scorer = "network",
         clusterers: Mapping[str, str] | None = None,
         weights: Path | None = None,
+        calibrated: bool = True,
     ) -> None:
         self.registry = installed() if registry is None else registry
         self.scorer = scorer
+        self.calibrated = calibrated
         self.clusterers = dict(clusterers or {})
         self.weights = weights
         for name in self.clusterers:
@@ -88,6 +109,10 @@ class Detector:
             ConceptError: a concept is unknown, or one of its parts returned nonsense.
             WeightsError: the network's weights cannot be used.
         """
+        return self.trace(graph, concepts).graph
+
+    def trace(self, graph: SGraph, concepts: Sequence[str] | None = None) -> Inference:
+        """Infer as :meth:`infer` does, and keep the scene and the scored relations."""
         result = graph.copy()
         fragments = preprocess(graph.wall_surfaces.ordered())
         run = _Run(self, fragments, self.scene(fragments.surfaces))
@@ -98,7 +123,7 @@ class Detector:
             result.concepts[name] = keep_identity(nodes, graph.concepts.get(name, []), names)
             if groups != WALL_SURFACE:
                 result.groups[name] = groups
-        return result
+        return Inference(result, run.scene, run.relations)
 
     def score(self, concept: RegisteredConcept, scene: Scene) -> ScoredEdges:
         """Return a concept's relation over the pairs of a scene of wall surfaces."""
@@ -111,20 +136,23 @@ class _Run:
     def __init__(self, detector: Detector, fragments: Fragments, scene: Scene) -> None:
         self._detector = detector
         self._fragments = fragments
-        self._scene = scene
+        self.scene = scene
+        self.relations: dict[str, ScoredEdges] = {}
 
     @cached_property
     def _embeddings(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         network = self._detector.network
-        return network.encode(network.inputs(self._scene))
+        return network.encode(network.inputs(self.scene))
 
     def nodes(
         self, concept: RegisteredConcept, grouped: Sequence[ConceptNode]
     ) -> list[ConceptNode]:
         """Return the concept's nodes, with ids yet to be decided."""
         groups_surfaces = concept.spec.groups == WALL_SURFACE
-        scene = self._scene if groups_surfaces else _scene_of_nodes(grouped, self._scene)
+        scene = self.scene if groups_surfaces else _scene_of_nodes(grouped, self.scene)
         edges = self.score(concept, scene)
+        if groups_surfaces:
+            self.relations[concept.spec.name] = edges
         nodes: dict[frozenset[int], ConceptNode] = {}
         clusters = self._cluster(concept, edges, scene)
         for cluster in sorted(clusters, key=lambda c: (c.confidence, c.members)):
@@ -135,10 +163,21 @@ class _Run:
             else:
                 candidates = [frozenset(grouped[row].id for row in cluster.members)]
             for members in candidates:  # fragments of the same surfaces: the surest cluster wins
-                nodes[members] = ConceptNode(
-                    0, tuple(sorted(members)), None, shape, cluster.confidence
-                )
+                sure = self._confidence(concept, cluster, len(members))
+                nodes[members] = ConceptNode(0, tuple(sorted(members)), None, shape, sure)
         return list(nodes.values())
+
+    def _confidence(self, concept: RegisteredConcept, cluster: Cluster, members: int) -> float:
+        spec = concept.spec.confidence
+        detector = self._detector
+        as_declared = (
+            detector.scorer == "network"
+            and detector.weights is None
+            and concept.spec.name not in detector.clusterers
+        )
+        if spec is None or not (detector.calibrated and as_declared):
+            return cluster.confidence
+        return probability_right(spec, cluster.confidence, members)
 
     def _members(self, concept: RegisteredConcept, parents: frozenset[int]) -> list[frozenset[int]]:
         """Return the members of the nodes that a cluster of these surfaces gives.

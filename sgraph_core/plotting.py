@@ -1,4 +1,4 @@
-"""A picture of an S-Graph seen from above."""
+"""Pictures: of an S-Graph seen from above, and how any figure becomes a file."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ from sgraph_core.graph import SGraph
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
-__all__ = ["FORMATS", "draw", "plot"]
+__all__ = ["FORMATS", "check_name", "draw", "new_figure", "plot", "write_figure"]
 
 FORMATS = (".png", ".svg", ".pdf")
 LARGEST_SIDE_INCH = 14.0
@@ -34,16 +35,39 @@ def plot(graph: SGraph, path: str | Path) -> None:
         InputError: the suffix is another one.
         OSError: the file cannot be written.
     """
-    target = Path(path)
-    if target.suffix.lower() not in FORMATS:
-        raise InputError(f"{target}: a picture's name must end in {', '.join(FORMATS)}")
+    check_name(path)
+    figure = new_figure(*_size(graph))
+    draw(graph, figure.add_subplot())
+    write_figure(figure, path)
+
+
+def check_name(path: str | Path) -> None:
+    """Check the name of a picture before the work that it shows.
+
+    Raises:
+        InputError: its suffix is none of ``FORMATS``.
+    """
+    if Path(path).suffix.lower() not in FORMATS:
+        raise InputError(f"{path}: a picture's name must end in {', '.join(FORMATS)}")
+
+
+def new_figure(width_inch: float, height_inch: float) -> Figure:
+    """Return an empty figure that needs no display."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=_size(graph), layout="constrained")
+    figure = Figure(figsize=(width_inch, height_inch), layout="constrained")
     FigureCanvasAgg(figure)
-    draw(graph, figure.add_subplot())
-    write_whole(target, lambda temporary: figure.savefig(temporary, dpi=110))
+    return figure
+
+
+def write_figure(figure: Figure, path: str | Path) -> None:
+    """Write a figure, whole or not at all; the suffix decides the format.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    write_whole(path, lambda temporary: figure.savefig(temporary, dpi=110))
 
 
 def draw(graph: SGraph, axes: Axes) -> None:

@@ -21,3 +21,5 @@ def test_the_network_finds_rooms_wherever_the_baseline_does(
             assert ours.score.rooms.matched, ours.name
     assert learned.rooms.f1 > 0.8
     assert learned.walls.f1 > 0.9
+    for concept in ("room", "wall"):
+        assert learned.calibration.nodes[concept].error <= 0.05

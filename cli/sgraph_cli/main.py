@@ -6,7 +6,18 @@ import sys
 
 import typer
 
-from sgraph_cli.commands import ablate, benchmark, concepts, evaluate, infer, maps, plot, train
+from sgraph_cli.commands import (
+    ablate,
+    benchmark,
+    calibrate,
+    concepts,
+    evaluate,
+    infer,
+    maps,
+    plot,
+    sweep,
+    train,
+)
 
 __all__ = ["app", "main"]
 
@@ -38,8 +49,10 @@ def _sgraph(
 
 app.command("infer")(infer.infer)
 app.command("evaluate")(evaluate.evaluate)
+app.command("calibrate")(calibrate.calibrate)
 app.command("plot")(plot.plot)
 app.command("schema")(maps.schema)
+app.command("sweep")(sweep.sweep)
 app.command("synth")(maps.synth)
 app.command("train")(train.train)
 app.command("ablate")(ablate.ablate)

@@ -13,12 +13,13 @@ itself::
 from sgraph_concepts.errors import SGraphError
 from sgraph_concepts.hookspecs import ENTRY_POINT_GROUP, Registrar, hookimpl
 from sgraph_concepts.registry import PluginProblem, RegisteredConcept, Registry
-from sgraph_concepts.spec import WALL_SURFACE, ConceptSpec, HeadSpec
+from sgraph_concepts.spec import WALL_SURFACE, ConceptSpec, ConfidenceSpec, HeadSpec
 
 __all__ = [
     "ENTRY_POINT_GROUP",
     "WALL_SURFACE",
     "ConceptSpec",
+    "ConfidenceSpec",
     "HeadSpec",
     "PluginProblem",
     "RegisteredConcept",

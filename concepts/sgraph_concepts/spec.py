@@ -9,7 +9,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 
 from sgraph_concepts.errors import ConceptError
 
-__all__ = ["WALL_SURFACE", "ConceptSpec", "HeadSpec", "Reference", "resolve"]
+__all__ = ["WALL_SURFACE", "ConceptSpec", "ConfidenceSpec", "HeadSpec", "Reference", "resolve"]
 
 WALL_SURFACE = "wall_surface"
 """The layer every map has: what a concept groups unless it groups another concept's nodes."""
@@ -49,6 +49,19 @@ class HeadSpec(_Frozen):
     )
 
 
+class ConfidenceSpec(_Frozen):
+    """From the confidence that the clusterer gives a node to the probability that it is right.
+
+    The log-odds that a node is right are ``intercept + slope * log-odds of the clusterer's
+    confidence + members * log(number of members)``. `sgraph calibrate` fits the constants; they
+    hold for the scorer and the clusterer that the concept declares.
+    """
+
+    intercept: float = Field(description="Log-odds where both terms vanish.")
+    slope: float = Field(description="Per unit of the log-odds of the clusterer's confidence.")
+    members: float = Field(description="Per unit of the logarithm of the number of members.")
+
+
 class ConceptSpec(_Frozen):
     """Everything the framework needs to know about one concept.
 
@@ -74,6 +87,11 @@ class ConceptSpec(_Frozen):
     )
     clusterer: Reference = Field(
         description="(ScoredEdges, Scene) -> list of Cluster, independent of the order of rows."
+    )
+    confidence: ConfidenceSpec | None = Field(
+        default=None,
+        description="Makes a node's confidence the probability that it is right; without it a "
+        "node's confidence is what the clusterer says.",
     )
     shape: Reference | None = Field(
         default=None,

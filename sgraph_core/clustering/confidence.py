@@ -1,4 +1,4 @@
-"""How sure a cluster is."""
+"""How sure a cluster is, and how probably a node is right."""
 
 from __future__ import annotations
 
@@ -6,10 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sgraph_concepts.types import Cluster
+from sgraph_concepts.spec import ConfidenceSpec
+from sgraph_concepts.types import Cluster, FloatArray, IntArray
 from sgraph_core.clustering.canonical import Relation
 
-__all__ = ["clusters_of"]
+__all__ = ["clusters_of", "evidence", "probability_right"]
+
+SUREST = 0.999
+"""Confidences beyond this, or below its opposite, are all the same: rounding, not evidence."""
 
 
 def clusters_of(relation: Relation, sets: Sequence[Sequence[int]]) -> list[Cluster]:
@@ -34,3 +38,21 @@ def clusters_of(relation: Relation, sets: Sequence[Sequence[int]]) -> list[Clust
         Cluster(tuple(sorted(relation.rows[list(members)].tolist())), float(sure))
         for members, sure in zip(sets, confidence, strict=True)
     ]
+
+
+def evidence(confidences: FloatArray, members: IntArray) -> FloatArray:
+    """Return what speaks for K nodes: 1, log-odds of their confidence, log of their size, [K, 3].
+
+    Args:
+        confidences: what the clusterer says, from 0 to 1, [K].
+        members: how many members each node has, [K].
+    """
+    sure = np.clip(confidences, 1 - SUREST, SUREST)
+    return np.stack([np.ones(len(sure)), np.log(sure / (1 - sure)), np.log(members)], axis=1)
+
+
+def probability_right(spec: ConfidenceSpec, confidence: float, members: int) -> float:
+    """Return the probability that a node is right, from its clusterer's confidence and its size."""
+    terms = evidence(np.array([confidence]), np.array([members]))
+    log_odds = terms @ [spec.intercept, spec.slope, spec.members]
+    return float(0.5 * (1 + np.tanh(0.5 * log_odds[0])))

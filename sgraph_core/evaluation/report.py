@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,11 +12,18 @@ import numpy as np
 from sgraph_concepts.errors import InputError
 from sgraph_concepts.types import FloatArray
 from sgraph_core.detector import Detector
+from sgraph_core.evaluation.calibration import (
+    Calibration,
+    Reliability,
+    edges_calibration,
+    nodes_calibration,
+)
 from sgraph_core.evaluation.scores import Counts, FloorScore, score_floor
+from sgraph_core.evaluation.sources import find_sources
 from sgraph_core.evaluation.trajectory import trajectory_error
 from sgraph_core.map_file import load
 
-__all__ = ["FloorReport", "SourceReport", "as_rows", "evaluate", "maps_in"]
+__all__ = ["FloorReport", "SourceReport", "as_rows", "evaluate"]
 
 
 @dataclass(frozen=True)
@@ -26,23 +33,26 @@ class FloorReport:
     Attributes:
         name: the file's, without suffix.
         score: its rooms and walls.
+        calibration: whether confidences and probabilities mean what they say; of what a file
+            holds, those of nodes only.
         seconds: that inferring it took, NaN if what it holds was scored.
         ate_m: absolute trajectory error of its keyframes, NaN without a reference.
     """
 
     name: str
     score: FloorScore
+    calibration: Calibration
     seconds: float
     ate_m: float
 
 
 @dataclass(frozen=True)
 class SourceReport:
-    """All maps of one folder, or one map given by itself.
+    """Maps that are scored together.
 
     Attributes:
-        source: name of the folder or file.
-        floors: its maps.
+        source: what they are called.
+        floors: the maps.
     """
 
     source: str
@@ -62,6 +72,11 @@ class SourceReport:
     def walls(self) -> Counts:
         """Pooled counts of walls."""
         return sum((floor.score.walls for floor in self.floors), Counts())
+
+    @property
+    def calibration(self) -> Calibration:
+        """Pooled confidences and probabilities."""
+        return sum((floor.calibration for floor in self.floors), Calibration())
 
     @property
     def mean_room_f1(self) -> float:
@@ -88,48 +103,36 @@ Trajectory = tuple[FloatArray, FloatArray]
 """Stamps [K] and positions [K, 3]."""
 
 
-def maps_in(path: Path) -> list[Path]:
-    """Return the map files that a path names: itself, or those of a folder by name.
-
-    Raises:
-        InputError: a folder holds none.
-    """
-    if not path.is_dir():
-        return [path]
-    files = sorted(path.glob("*.json"))
-    if not files:
-        raise InputError(f"{path}: holds no .json file")
-    return files
-
-
 def evaluate(
-    sources: Sequence[Path],
+    paths: Sequence[Path],
     detector: Detector | None,
     reference: Trajectory | None = None,
     progress: Callable[[str, int, int], object] = lambda _what, _done, _total: None,
+    only: Sequence[Path] = (),
 ) -> list[SourceReport]:
     """Score maps against their truth.
 
     Args:
-        sources: map files, or folders of them; each becomes one report.
+        paths: map files, or folders of them; each becomes one report.
         detector: infers each map anew; None scores the concepts that the files hold.
         reference: the true trajectory of the maps' keyframes, if their error is wanted.
         progress: told after every map.
+        only: lists of maps (see :func:`find_sources`); each gives a report of its own per path.
 
     Raises:
-        InputError: a map has no truth, or a folder no map.
+        InputError: a map has no truth, a folder no map, or a list names none of them.
         MapFileError: a map cannot be read.
     """
-    files = {source: maps_in(source) for source in sources}
-    total = sum(map(len, files.values()))
+    sources = find_sources(paths, only)
+    total = sum(len(source.files) for source in sources)
     reports, done = [], 0
-    for source, maps in files.items():
+    for source in sources:
         floors = []
-        for file in maps:
+        for file in source.files:
             floors.append(_evaluate_floor(file, detector, reference))
             done += 1
             progress("evaluating", done, total)
-        reports.append(SourceReport(source.stem, tuple(floors)))
+        reports.append(SourceReport(source.name, tuple(floors)))
     return reports
 
 
@@ -137,16 +140,19 @@ def _evaluate_floor(
     file: Path, detector: Detector | None, reference: Trajectory | None
 ) -> FloorReport:
     graph = load(file)
-    if graph.truth is None:
+    truth = graph.truth
+    if truth is None:
         raise InputError(f"{file}: has no truth to evaluate against")
-    seconds = float("nan")
+    seconds, edges = float("nan"), Calibration()
     if detector is not None:
         start = time.perf_counter()
-        graph = detector.infer(graph)
+        found = detector.trace(graph)
         seconds = time.perf_counter() - start
-    assert graph.truth is not None
+        graph = found.graph
+        edges = edges_calibration(found.relations, found.scene.surfaces.ids, truth)
+    score = score_floor(graph, truth)
     ate = float("nan") if reference is None else trajectory_error(graph, *reference)
-    return FloorReport(file.stem, score_floor(graph, graph.truth), seconds, ate)
+    return FloorReport(file.stem, score, nodes_calibration(score.judged) + edges, seconds, ate)
 
 
 def as_rows(reports: Iterable[SourceReport]) -> list[dict[str, float | int | str]]:
@@ -161,13 +167,23 @@ def as_rows(reports: Iterable[SourceReport]) -> list[dict[str, float | int | str
             "room_f1_mean": report.mean_room_f1,
             "room_exact_f1": report.exact_rooms.f1,
             "rooms_left_out": report.rooms.left_out,
+            "room_ece": _error(report.calibration.nodes, "room"),
             "wall_precision": report.walls.precision,
             "wall_recall": report.walls.recall,
             "wall_f1": report.walls.f1,
             "wall_f1_mean": report.mean_wall_f1,
             "walls_left_out": report.walls.left_out,
+            "wall_ece": _error(report.calibration.nodes, "wall"),
+            "room_edge_ece": _error(report.calibration.undecided, "room"),
+            "wall_edge_ece": _error(report.calibration.undecided, "wall"),
+            "room_edge_ece_all": _error(report.calibration.edges, "room"),
+            "wall_edge_ece_all": _error(report.calibration.edges, "wall"),
             "seconds_per_floor": report.median_seconds,
             "ate_m": report.mean_ate_m,
         }
         for report in reports
     ]
+
+
+def _error(reliabilities: Mapping[str, Reliability], concept: str) -> float:
+    return reliabilities.get(concept, Reliability()).error

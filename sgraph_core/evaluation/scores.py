@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from sgraph_concepts.types import ConceptNode
 from sgraph_core.graph import SGraph, Truth
 
-__all__ = ["Counts", "FloorScore", "score_floor"]
+__all__ = ["Counts", "FloorScore", "Judged", "score_floor"]
 
 JACCARD = 0.5
 """A predicted room is a true room if their members' Jaccard index reaches this."""
@@ -59,6 +59,19 @@ class Counts:
 
 
 @dataclass(frozen=True)
+class Judged:
+    """A predicted node that is scored.
+
+    Attributes:
+        node: the node.
+        right: whether it matches a true one: a room at Jaccard index 0.5 or more.
+    """
+
+    node: ConceptNode
+    right: bool
+
+
+@dataclass(frozen=True)
 class FloorScore:
     """Scores of one map.
 
@@ -66,11 +79,13 @@ class FloorScore:
         rooms: rooms matched at Jaccard index 0.5 or more.
         exact_rooms: rooms with exactly the true members.
         walls: pairs of surfaces.
+        judged: the predicted nodes behind ``rooms`` and ``walls``, by concept.
     """
 
     rooms: Counts
     exact_rooms: Counts
     walls: Counts
+    judged: Mapping[str, tuple[Judged, ...]] = field(default_factory=dict)
 
 
 def score_floor(graph: SGraph, truth: Truth) -> FloorScore:
@@ -80,26 +95,38 @@ def score_floor(graph: SGraph, truth: Truth) -> FloorScore:
     than half of its members lie in a true room of fewer than three members or in none; a
     predicted wall when neither of its surfaces belongs to any labelled room or wall.
     """
+    nodes = graph.concepts
+    rooms, exact_rooms, judged_rooms = _score_rooms(nodes.get("room", []), truth)
+    walls, judged_walls = _score_walls(nodes.get("wall", []), truth)
+    return FloorScore(rooms, exact_rooms, walls, {"room": judged_rooms, "wall": judged_walls})
+
+
+def _score_rooms(
+    nodes: Sequence[ConceptNode], truth: Truth
+) -> tuple[Counts, Counts, tuple[Judged, ...]]:
     rooms = [set(room.members) for room in truth.rooms]
     scored = [room for room in rooms if len(room) >= FEWEST_MEMBERS]
     labelled = set().union(*scored)
-    predicted = [set(node.members) for node in graph.concepts.get("room", [])]
-    kept = [room for room in predicted if 2 * len(room - labelled) <= len(room)]
-    left_out = len(predicted) - len(kept)
-    overlap = _jaccard(kept, scored)
-    return FloorScore(
-        rooms=Counts(_matches(overlap >= JACCARD), len(kept), len(scored), left_out),
-        exact_rooms=Counts(_matches(overlap == 1.0), len(kept), len(scored), left_out),
-        walls=_score_walls(graph.concepts.get("wall", []), truth),
+    kept = [node for node in nodes if 2 * len(set(node.members) - labelled) <= len(node.members)]
+    left_out = len(nodes) - len(kept)
+    overlap = _jaccard([set(node.members) for node in kept], scored)
+    right, exact = _matched(overlap >= JACCARD), _matched(overlap == 1.0)
+    return (
+        Counts(int(right.sum()), len(kept), len(scored), left_out),
+        Counts(int(exact.sum()), len(kept), len(scored), left_out),
+        tuple(Judged(node, ok) for node, ok in zip(kept, right.tolist(), strict=True)),
     )
 
 
-def _score_walls(nodes: Iterable[ConceptNode], truth: Truth) -> Counts:
+def _score_walls(nodes: Sequence[ConceptNode], truth: Truth) -> tuple[Counts, tuple[Judged, ...]]:
     true = {frozenset(wall) for wall in truth.walls}
     labelled = {i for room in truth.rooms for i in room.members}.union(*true)
-    predicted = {frozenset(node.members) for node in nodes}
-    kept = {wall for wall in predicted if wall & labelled}
-    return Counts(len(kept & true), len(kept), len(true), len(predicted) - len(kept))
+    predicted = {frozenset(node.members): node for node in nodes}
+    judged = tuple(
+        Judged(node, wall in true) for wall, node in predicted.items() if wall & labelled
+    )
+    matched = sum(wall.right for wall in judged)
+    return Counts(matched, len(judged), len(true), len(predicted) - len(judged)), judged
 
 
 def _jaccard(one: Sequence[set[int]], two: Sequence[set[int]]) -> np.ndarray:
@@ -107,8 +134,11 @@ def _jaccard(one: Sequence[set[int]], two: Sequence[set[int]]) -> np.ndarray:
     return np.array(table).reshape(len(one), len(two))
 
 
-def _matches(allowed: np.ndarray) -> int:
+def _matched(allowed: np.ndarray) -> np.ndarray:
+    """Return which rows a one-to-one assignment with the most matches gives a match."""
     from scipy.optimize import linear_sum_assignment
 
     rows, columns = linear_sum_assignment(-allowed.astype(np.int64))
-    return int(allowed[rows, columns].sum())
+    matched = np.zeros(len(allowed), bool)
+    matched[rows] = allowed[rows, columns]
+    return matched

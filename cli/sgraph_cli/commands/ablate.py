@@ -29,15 +29,16 @@ def ablate(
     The same command goes on with an interrupted run.
     """
     from sgraph_core.concepts import installed
-    from sgraph_core.evaluation.report import SourceReport
+    from sgraph_core.evaluation.report import as_rows
     from sgraph_core.training.ablation import ablate as run
     from sgraph_core.training.config import TrainingConfig
 
     base = TrainingConfig(seed=seed, floors=floors, validation_floors=20, steps=steps)
     registry = installed()
     warn_about_plugins(list(registry.problems))
-    rows: list[SourceReport] = []
+    rows = []
     with progress() as report:
         for variant, reports in run(base, paths, output, registry, report):
-            rows += [SourceReport(f"{variant}: {r.source}", r.floors) for r in reports]
+            for row in as_rows(reports):
+                rows.append({**row, "source": f"{variant}: {row['source']}"})
     print_scores(rows)

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from sgraph_cli.arguments import ScorerName, Weights, by_concept
 from sgraph_cli.console import print_table, progress, warn_about_plugins
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from sgraph_core.evaluation.report import SourceReport
-
-__all__ = ["evaluate"]
+__all__ = ["evaluate", "print_scores"]
 
 
 def evaluate(
@@ -38,35 +34,60 @@ def evaluate(
         Path | None,
         typer.Option(help="Reference trajectory (TUM format) to compare the keyframes with."),
     ] = None,
+    only: Annotated[
+        list[Path] | None,
+        typer.Option(help="Only the maps that this text file names; a source of its own."),
+    ] = None,
+    uncalibrated: Annotated[
+        bool, typer.Option("--uncalibrated", help="Take nodes' confidences from the clusterers.")
+    ] = False,
+    reliability: Annotated[
+        Path | None,
+        typer.Option(help="Write a reliability diagram of nodes and edges (.png, .svg or .pdf)."),
+    ] = None,
     per_floor: Annotated[
         bool, typer.Option("--per-floor", help="A row for every map instead of every source.")
     ] = False,
     json_: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
 ) -> None:
-    """Print precision, recall and F1 of rooms and walls, per folder (pooled and mean of floors)."""
+    """Print precision, recall, F1 and calibration of rooms and walls, per source.
+
+    Every PATH is a source; with --only, which may be repeated, every list's part of every PATH.
+    """
     clusterers = by_concept(clusterer or [], "--clusterer")
     from sgraph_core.detector import Detector
     from sgraph_core.evaluation.report import SourceReport, as_rows
     from sgraph_core.evaluation.report import evaluate as run
     from sgraph_core.evaluation.trajectory import read_tum
+    from sgraph_core.plotting import check_name
 
-    detector = (
-        None if stored else Detector(scorer=scorer.value, clusterers=clusterers, weights=weights)
-    )
-    if detector is not None:
+    if reliability is not None:
+        check_name(reliability)
+    detector = None
+    if not stored:
+        detector = Detector(
+            scorer=scorer.value,
+            clusterers=clusterers,
+            calibrated=not uncalibrated,
+            weights=weights,
+        )
         warn_about_plugins(list(detector.registry.problems))
     reference = None if trajectory is None else read_tum(trajectory)
     with progress() as report:
-        reports = run(paths, detector, reference, report)
+        reports = run(paths, detector, reference, report, only or [])
+    if reliability is not None:
+        from sgraph_core.evaluation.reliability_diagram import draw_reliability
+
+        draw_reliability(reports, reliability)
     if per_floor:
         reports = [SourceReport(f.name, (f,)) for source in reports for f in source.floors]
+    rows = as_rows(reports)
     if json_:
         import json
 
-        rows = as_rows(reports)
         typer.echo(json.dumps([_without_nan(row) for row in rows], indent=1))
     else:
-        print_scores(reports)
+        print_scores(rows)
 
 
 def _without_nan(row: dict[str, float | int | str]) -> dict[str, float | int | str | None]:
@@ -77,34 +98,42 @@ def _without_nan(row: dict[str, float | int | str]) -> dict[str, float | int | s
     }
 
 
-def print_scores(reports: Sequence[SourceReport]) -> None:
-    """Print a table of rooms and walls."""
+COLUMNS = {
+    "source": "source",
+    "floors": "floors",
+    "room_precision": "rooms P",
+    "room_recall": "R",
+    "room_f1": "F1",
+    "room_f1_mean": "mean F1",
+    "room_exact_f1": "exact F1",
+    "room_ece": "room ECE",
+    "rooms_left_out": "left out",
+    "wall_precision": "walls P",
+    "wall_recall": "R",
+    "wall_f1": "F1",
+    "wall_f1_mean": "mean F1",
+    "wall_ece": "wall ECE",
+    "walls_left_out": "left out",
+    "seconds_per_floor": "s / floor",
+    "ate_m": "ATE [m]",
+}
+"""Titles of the table's columns, by key of the record that fills them."""
+
+
+def print_scores(rows: Sequence[dict[str, float | int | str]]) -> None:
+    """Print a table of rooms and walls, a line per record."""
     from rich import box
     from rich.table import Table
 
     table = Table(box=box.MARKDOWN)
-    table.add_column("source")
-    for column in (
-        "floors",
-        "rooms P", "R", "F1", "mean F1", "exact F1", "left out",
-        "walls P", "R", "F1", "mean F1", "left out",
-        "s / floor", "ATE [m]",
-    ):  # fmt: skip
-        table.add_column(column, justify="right")
-    for report in reports:
-        rooms, walls = report.rooms, report.walls
-        scores = (rooms.precision, rooms.recall, rooms.f1, report.mean_room_f1)
-        wall_scores = (walls.precision, walls.recall, walls.f1, report.mean_wall_f1)
-        table.add_row(
-            report.source,
-            str(len(report.floors)),
-            *(f"{score:.3f}" for score in (*scores, report.exact_rooms.f1)),
-            str(rooms.left_out),
-            *(f"{score:.3f}" for score in wall_scores),
-            str(walls.left_out),
-            *(
-                "" if math.isnan(value) else f"{value:.3f}"
-                for value in (report.median_seconds, report.mean_ate_m)
-            ),
-        )
+    for key, title in COLUMNS.items():
+        table.add_column(title, justify="left" if key == "source" else "right")
+    for row in rows:
+        table.add_row(*(_cell(row[key]) for key in COLUMNS))
     print_table(table)
+
+
+def _cell(value: float | int | str) -> str:
+    if isinstance(value, float):
+        return "" if math.isnan(value) else f"{value:.3f}"
+    return str(value)

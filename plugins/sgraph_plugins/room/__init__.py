@@ -1,6 +1,6 @@
 """Rooms: surfaces that enclose one free space."""
 
-from sgraph_concepts import ConceptSpec, HeadSpec, Registrar, hookimpl
+from sgraph_concepts import ConceptSpec, ConfidenceSpec, HeadSpec, Registrar, hookimpl
 
 ROOM = ConceptSpec(
     name="room",
@@ -9,6 +9,7 @@ ROOM = ConceptSpec(
     head=HeadSpec(weights="room.onnx", encoder="1"),
     baseline="sgraph_plugins.room.baseline:score",
     clusterer="sgraph_plugins.room.cluster:cluster",
+    confidence=ConfidenceSpec(intercept=-6.686, slope=2.505, members=2.283),
     shape="sgraph_plugins.room.shape:shape",
     factor="sgraph_plugins.room.factor:factors",
     labeller="sgraph_plugins.room.labeller:label",

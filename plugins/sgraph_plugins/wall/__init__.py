@@ -1,6 +1,6 @@
 """Walls: the two sides of one wall body."""
 
-from sgraph_concepts import ConceptSpec, HeadSpec, Registrar, hookimpl
+from sgraph_concepts import ConceptSpec, ConfidenceSpec, HeadSpec, Registrar, hookimpl
 
 WALL = ConceptSpec(
     name="wall",
@@ -9,6 +9,7 @@ WALL = ConceptSpec(
     head=HeadSpec(weights="wall.onnx", encoder="1"),
     baseline="sgraph_plugins.wall.baseline:score",
     clusterer="sgraph_plugins.wall.cluster:cluster",
+    confidence=ConfidenceSpec(intercept=1.034, slope=0.457, members=0.0),
     shape="sgraph_plugins.wall.shape:shape",
     factor="sgraph_plugins.wall.factor:factors",
     labeller="sgraph_plugins.wall.labeller:label",
