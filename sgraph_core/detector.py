@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Literal
@@ -31,10 +31,27 @@ from sgraph_core.nodes import keep_identity
 from sgraph_core.preprocess import Fragments, preprocess
 from sgraph_core.proximity import build_scene
 
-__all__ = ["Detector", "Scorer"]
+__all__ = ["Detector", "Evidence", "Scorer"]
 
 Scorer = Literal["network", "baseline"]
 """Who scores the relations: the trained network, or each concept's rule without learning."""
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What the nodes of concepts that group wall surfaces follow from.
+
+    Attributes:
+        fragments: the surfaces as preprocessing left them.
+        scene: the same surfaces, and the pairs of them that are related.
+        edges: by concept, its relation over the scene's pairs.
+        clusters: by concept, what its clusterer found, by the members of the node that it gives.
+    """
+
+    fragments: Fragments
+    scene: Scene
+    edges: Mapping[str, ScoredEdges]
+    clusters: Mapping[str, Mapping[frozenset[int], Cluster]]
 
 
 class Detector:
@@ -89,8 +106,7 @@ class Detector:
             WeightsError: the network's weights cannot be used.
         """
         result = graph.copy()
-        fragments = preprocess(graph.wall_surfaces.ordered())
-        run = _Run(self, fragments, self.scene(fragments.surfaces))
+        run = self._run(graph)
         for concept in self.registry.select(None if concepts is None else list(concepts)):
             name, groups = concept.spec.name, concept.spec.groups
             nodes = run.nodes(concept, result.concepts.get(groups, []))
@@ -99,6 +115,24 @@ class Detector:
             if groups != WALL_SURFACE:
                 result.groups[name] = groups
         return result
+
+    def evidence(self, graph: SGraph, concepts: Sequence[str]) -> Evidence:
+        """Return what the nodes follow from that :meth:`infer` finds in a graph.
+
+        Args:
+            graph: the S-Graph; it is not changed.
+            concepts: names of concepts that group wall surfaces.
+
+        Raises:
+            ConceptError: a concept is unknown or groups nodes, or one of its parts returned
+                nonsense.
+            WeightsError: the network's weights cannot be used.
+        """
+        return self._run(graph).evidence([self.registry[name] for name in concepts])
+
+    def _run(self, graph: SGraph) -> _Run:
+        fragments = preprocess(graph.wall_surfaces.ordered())
+        return _Run(self, fragments, self.scene(fragments.surfaces))
 
     def score(self, concept: RegisteredConcept, scene: Scene) -> ScoredEdges:
         """Return a concept's relation over the pairs of a scene of wall surfaces."""
@@ -124,21 +158,46 @@ class _Run:
         """Return the concept's nodes, with ids yet to be decided."""
         groups_surfaces = concept.spec.groups == WALL_SURFACE
         scene = self._scene if groups_surfaces else _scene_of_nodes(grouped, self._scene)
-        edges = self.score(concept, scene)
-        nodes: dict[frozenset[int], ConceptNode] = {}
+        clusters = self._by_members(concept, self.score(concept, scene), scene)
+        return [
+            ConceptNode(
+                0,
+                tuple(sorted(members)),
+                None,
+                self._shape(concept, np.array(cluster.members, np.int64), scene),
+                cluster.confidence,
+            )
+            for members, cluster in clusters.items()
+        ]
+
+    def evidence(self, concepts: Sequence[RegisteredConcept]) -> Evidence:
+        """Return what the nodes of concepts that group wall surfaces follow from."""
+        for concept in concepts:
+            name, groups = concept.spec.name, concept.spec.groups
+            if groups != WALL_SURFACE:
+                raise ConceptError(f"concept {name!r} groups {groups}s, not wall surfaces")
+        edges = {concept.spec.name: self.score(concept, self._scene) for concept in concepts}
+        clusters = {
+            concept.spec.name: self._by_members(concept, edges[concept.spec.name], self._scene)
+            for concept in concepts
+        }
+        return Evidence(self._fragments, self._scene, edges, clusters)
+
+    def _by_members(
+        self, concept: RegisteredConcept, edges: ScoredEdges, scene: Scene
+    ) -> dict[frozenset[int], Cluster]:
+        """Return the clusters by the members of the nodes that they give."""
+        found: dict[frozenset[int], Cluster] = {}
         clusters = self._cluster(concept, edges, scene)
         for cluster in sorted(clusters, key=lambda c: (c.confidence, c.members)):
-            rows = np.array(cluster.members, np.int64)
-            shape = self._shape(concept, rows, scene)
-            if groups_surfaces:
+            if concept.spec.groups == WALL_SURFACE:
+                rows = np.array(cluster.members, np.int64)
                 candidates = self._members(concept, self._fragments.parents(rows))
             else:
-                candidates = [frozenset(grouped[row].id for row in cluster.members)]
+                candidates = [frozenset(scene.nodes[row].id for row in cluster.members)]
             for members in candidates:  # fragments of the same surfaces: the surest cluster wins
-                nodes[members] = ConceptNode(
-                    0, tuple(sorted(members)), None, shape, cluster.confidence
-                )
-        return list(nodes.values())
+                found[members] = cluster
+        return found
 
     def _members(self, concept: RegisteredConcept, parents: frozenset[int]) -> list[frozenset[int]]:
         """Return the members of the nodes that a cluster of these surfaces gives.
