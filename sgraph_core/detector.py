@@ -32,25 +32,30 @@ from sgraph_core.nodes import keep_identity
 from sgraph_core.preprocess import Fragments, preprocess
 from sgraph_core.proximity import build_scene
 
-__all__ = ["Detector", "Inference", "Scorer"]
+__all__ = ["Detector", "Scorer", "Trace"]
 
 Scorer = Literal["network", "baseline"]
 """Who scores the relations: the trained network, or each concept's rule without learning."""
 
 
 @dataclass(frozen=True, eq=False)
-class Inference:
-    """An inferred S-Graph and what led to it.
+class Trace:
+    """An inferred S-Graph, and what its nodes follow from.
 
     Attributes:
         graph: the S-Graph with its concepts.
-        scene: the preprocessed surfaces and the pairs that were scored.
-        relations: scored pairs of the scene, by concept that groups wall surfaces.
+        fragments: the surfaces as preprocessing left them.
+        scene: the same surfaces, and the pairs of them that are related.
+        relations: over the scene's pairs, by concept that groups wall surfaces.
+        clusters: what the concept's clusterer found, by concept that groups wall surfaces and by
+            the members of the node that it gives.
     """
 
     graph: SGraph
+    fragments: Fragments
     scene: Scene
     relations: Mapping[str, ScoredEdges]
+    clusters: Mapping[str, Mapping[frozenset[int], Cluster]]
 
 
 class Detector:
@@ -111,8 +116,8 @@ class Detector:
         """
         return self.trace(graph, concepts).graph
 
-    def trace(self, graph: SGraph, concepts: Sequence[str] | None = None) -> Inference:
-        """Infer as :meth:`infer` does, and keep the scene and the scored relations."""
+    def trace(self, graph: SGraph, concepts: Sequence[str] | None = None) -> Trace:
+        """Infer as :meth:`infer` does, and keep what the nodes follow from."""
         result = graph.copy()
         fragments = preprocess(graph.wall_surfaces.ordered())
         run = _Run(self, fragments, self.scene(fragments.surfaces))
@@ -123,7 +128,7 @@ class Detector:
             result.concepts[name] = keep_identity(nodes, graph.concepts.get(name, []), names)
             if groups != WALL_SURFACE:
                 result.groups[name] = groups
-        return Inference(result, run.scene, run.relations)
+        return Trace(result, fragments, run.scene, run.relations, run.clusters)
 
     def score(self, concept: RegisteredConcept, scene: Scene) -> ScoredEdges:
         """Return a concept's relation over the pairs of a scene of wall surfaces."""
@@ -138,6 +143,7 @@ class _Run:
         self._fragments = fragments
         self.scene = scene
         self.relations: dict[str, ScoredEdges] = {}
+        self.clusters: dict[str, dict[frozenset[int], Cluster]] = {}
 
     @cached_property
     def _embeddings(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -151,21 +157,36 @@ class _Run:
         groups_surfaces = concept.spec.groups == WALL_SURFACE
         scene = self.scene if groups_surfaces else _scene_of_nodes(grouped, self.scene)
         edges = self.score(concept, scene)
+        clusters = self._by_members(concept, edges, scene)
         if groups_surfaces:
             self.relations[concept.spec.name] = edges
-        nodes: dict[frozenset[int], ConceptNode] = {}
+            self.clusters[concept.spec.name] = clusters
+        return [
+            ConceptNode(
+                0,
+                tuple(sorted(members)),
+                None,
+                self._shape(concept, np.array(cluster.members, np.int64), scene),
+                self._confidence(concept, cluster, len(members)),
+            )
+            for members, cluster in clusters.items()
+        ]
+
+    def _by_members(
+        self, concept: RegisteredConcept, edges: ScoredEdges, scene: Scene
+    ) -> dict[frozenset[int], Cluster]:
+        """Return the clusters by the members of the nodes that they give."""
+        found: dict[frozenset[int], Cluster] = {}
         clusters = self._cluster(concept, edges, scene)
         for cluster in sorted(clusters, key=lambda c: (c.confidence, c.members)):
-            rows = np.array(cluster.members, np.int64)
-            shape = self._shape(concept, rows, scene)
-            if groups_surfaces:
+            if concept.spec.groups == WALL_SURFACE:
+                rows = np.array(cluster.members, np.int64)
                 candidates = self._members(concept, self._fragments.parents(rows))
             else:
-                candidates = [frozenset(grouped[row].id for row in cluster.members)]
+                candidates = [frozenset(scene.nodes[row].id for row in cluster.members)]
             for members in candidates:  # fragments of the same surfaces: the surest cluster wins
-                sure = self._confidence(concept, cluster, len(members))
-                nodes[members] = ConceptNode(0, tuple(sorted(members)), None, shape, sure)
-        return list(nodes.values())
+                found[members] = cluster
+        return found
 
     def _confidence(self, concept: RegisteredConcept, cluster: Cluster, members: int) -> float:
         spec = concept.spec.confidence

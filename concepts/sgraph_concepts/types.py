@@ -139,7 +139,8 @@ class NodeShape:
         polygon: outer ring, counter-clockwise, first point not repeated.
         holes: inner rings.
         thickness: of a wall, in metres.
-        attributes: the concept's own fields, JSON values.
+        attributes: the concept's own fields, JSON values. The core does not look into them, so
+            coordinates in them are the world's in any case.
     """
 
     centre: tuple[float, float] | None = None

@@ -7,10 +7,21 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from plans import L_SHAPE, Point, plan, rectangle, regular, turned
+from plans import (
+    L_SHAPE,
+    Point,
+    add_outline,
+    block,
+    members,
+    plan,
+    rectangle,
+    regular,
+    true_rooms,
+    turned,
+)
 
 from sgraph_concepts.types import Scene, ScoredEdges
-from sgraph_core.detector import Detector
+from sgraph_core.detector import Detector, Scorer
 from sgraph_core.graph import SGraph
 from sgraph_core.proximity import build_scene
 from sgraph_plugins.room.cluster import cluster
@@ -145,6 +156,33 @@ def test_a_facade_is_no_room() -> None:
     pairs = np.array([[0, 1], [1, 2], [2, 3], [0, 3]])
     scene = build_scene(graph.wall_surfaces.ordered())
     assert cluster(ScoredEdges(pairs, np.full(4, 5.0)), scene) == []
+
+
+@pytest.mark.parametrize("scorer", ["network", "baseline"])
+@pytest.mark.parametrize("clusterers", [{}, {"room": "cycles"}], ids=["multicut", "cycles"])
+@pytest.mark.parametrize("pieces", [1, 3])
+def test_a_facade_around_rooms_stays_out_of_them(
+    scorer: Scorer, clusterers: dict[str, str], pieces: int
+) -> None:
+    graph = block(0.15)
+    low, east, north = -0.3, 10.45, 8.45
+    corners = [(low, low), (low, north), (east, north), (east, low)]  # clockwise
+    outline = [
+        (float(x), float(y))
+        for start, end in zip(corners, corners[1:] + corners[:1], strict=True)
+        for x, y in np.linspace(start, end, pieces, endpoint=False)
+    ]
+    add_outline(graph, outline, first_id=100)
+    result = Detector(scorer=scorer, clusterers=clusterers).infer(graph)
+    assert members(result, "room") == true_rooms(graph)
+
+
+def test_a_stray_surface_joins_no_room_behind_it() -> None:
+    graph = plan(rectangle(0, 0, 5, 4))
+    graph.add_wall_surface(9, [[0, -0.2], [5, -0.2]], [0, -1])
+    edges, scene = scored(graph, {frozenset({0, 1, 2, 3})}, against=-1.0)
+    (room,) = cluster(edges, scene)
+    assert room.members == (0, 1, 2, 3)
 
 
 def test_two_surfaces_are_no_room() -> None:

@@ -57,6 +57,13 @@ def plan(
     return graph
 
 
+def add_outline(graph: SGraph, outline: Sequence[Point], first_id: int) -> None:
+    """Add the edges of an outline to a graph, normals to the left: clockwise for a facade."""
+    for number, (start, end) in enumerate(zip(outline, [*outline[1:], outline[0]], strict=True)):
+        along = np.subtract(end, start) / np.linalg.norm(np.subtract(end, start))
+        graph.add_wall_surface(first_id + number, [start, end], [-along[1], along[0]])
+
+
 def block(wall_m: float, angle_rad: float = 0.0, offset: Point = (0.0, 0.0)) -> SGraph:
     """Return a 2 x 2 block of 5 x 4 m rooms. Edges of a room: south, east, north, west."""
     width, height = 5.0, 4.0

@@ -20,6 +20,21 @@ def everything(scene: Scene) -> FloatArray:
     return np.ones(len(scene.pairs))
 
 
+def nothing(scene: Scene) -> FloatArray:
+    return -np.ones(len(scene.pairs))
+
+
+def two_nodes(_edges: ScoredEdges, scene: Scene) -> list[Cluster]:
+    """Return the surfaces with ids below 4, and the others."""
+    low = scene.surfaces.ids < 4
+    groups = [tuple(np.flatnonzero(rows).tolist()) for rows in (low, ~low)]
+    return [Cluster(group, 0.5) for group in groups if group]
+
+
+def first_node(edges: ScoredEdges, scene: Scene) -> list[Cluster]:
+    return two_nodes(edges, scene)[:1]
+
+
 def one_node(_edges: ScoredEdges, scene: Scene) -> list[Cluster]:
     return [Cluster(tuple(range(len(scene.nodes) or len(scene.surfaces))), 0.5)]
 

@@ -9,8 +9,10 @@ import typer
 
 from sgraph_cli.arguments import ScorerName, Weights, by_concept, load_map
 from sgraph_cli.console import note, print_table, warn_about_plugins
+from sgraph_cli.explanation import answer, parse_question, print_answer
 
 if TYPE_CHECKING:
+    from sgraph_concepts.types import NodeShape
     from sgraph_core.backend import Optimization
     from sgraph_core.graph import SGraph
 
@@ -33,6 +35,14 @@ def infer(
     concept: Annotated[
         list[str] | None,
         typer.Option("--concept", help="Infer this concept only; may be repeated."),
+    ] = None,
+    explain: Annotated[
+        str | None,
+        typer.Option(
+            metavar="WHAT",
+            help="Instead of the table, print why a node is what it is (room:7), or why two wall "
+            "surfaces are together or not (12,45).",
+        ),
     ] = None,
     json_: Annotated[
         bool, typer.Option("--json", help="Print to stdout what the output file would hold.")
@@ -58,8 +68,11 @@ def infer(
 ) -> None:
     """Infer rooms, walls and further concepts of a map.
 
-    Without -o and --json, a table is printed.
+    Without -o, --json and --explain, a table is printed.
     """
+    question = None if explain is None else parse_question(explain)
+    if question is not None and json_:
+        raise typer.BadParameter("cannot be combined with --json", param_hint="--explain")
     clusterers = by_concept(clusterer or [], "--clusterer")
     factors = by_concept(factor or [], "--factor")
     from sgraph_core.detector import Detector
@@ -75,13 +88,16 @@ def infer(
         _report(solved)
     else:
         result = detector.infer(graph, concept)
+    answered = None if question is None else answer(question, result, detector)
     if plot is not None:
         from sgraph_core.plotting import plot as draw
 
         draw(result, plot)
     if output is not None:
         save(result, output)
-    if json_:
+    if answered is not None:
+        print_answer(answered, result)
+    elif json_:
         typer.echo(dump(result), nl=False)
     elif output is None:
         _print_nodes(result)
@@ -116,13 +132,15 @@ def _print_nodes(graph: SGraph) -> None:
                 node.name or "",
                 " ".join(map(str, node.members)),
                 centre,
-                _size(shape.thickness, shape.attributes.get("area_m2")),
+                _size(shape),
                 "" if node.confidence is None else f"{node.confidence:.2f}",
             )
         print_table(table)
 
 
-def _size(thickness: float | None, area: object) -> str:
-    if thickness is not None:
-        return f"{thickness:.3f} m thick"
-    return f"{area:.1f} m²" if isinstance(area, float) else ""
+def _size(shape: NodeShape) -> str:
+    if shape.thickness is not None:
+        return f"{shape.thickness:.3f} m thick"
+    area, open_m = shape.attributes.get("area_m2"), shape.attributes.get("open_m")
+    size = f"{area:.1f} m²" if isinstance(area, float) else ""
+    return f"{size}, {open_m:.1f} m open" if isinstance(open_m, float) and open_m > 0 else size

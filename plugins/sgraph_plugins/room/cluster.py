@@ -15,36 +15,54 @@ FEWEST_MEMBERS = 3
 """Two surfaces enclose nothing."""
 ABSORB_LOGIT = -2.0
 """A smaller cluster joins the room of its most likely relation, if that is not less likely."""
+IN_FRONT_M = 0.3
+"""How far a room must reach in front of what joins it."""
 
 
 def cluster(edges: ScoredEdges, scene: Scene) -> list[Cluster]:
     """Partition the surfaces by multicut, let stray ones join, and drop what faces outwards."""
     relation = canonical_relation(edges, scene)
+    surfaces = scene.surfaces.take(relation.rows)
     groups = multicut(len(relation.rows), relation.pairs, relation.logits)
-    rooms = _absorb(groups, relation)
+    large = [group for group in groups if len(group) >= FEWEST_MEMBERS]
+    small = [group for group in groups if len(group) < FEWEST_MEMBERS]
+    joined = _absorb(large, small, relation, surfaces)
     return clusters_of(
-        relation, [room for room in rooms if _encloses(scene.surfaces, relation.rows[room])]
+        relation,
+        [
+            room
+            for core, room in zip(large, joined, strict=True)
+            if _encloses(surfaces, np.array(core))
+        ],
     )
 
 
-def _absorb(groups: list[list[int]], relation: Relation) -> list[list[int]]:
-    """Let groups too small for a room join the room they most likely belong to."""
+def _absorb(
+    large: list[list[int]], small: list[list[int]], relation: Relation, surfaces: SurfaceArrays
+) -> list[list[int]]:
+    """Let each small group join the large one in front of it that it most likely belongs to."""
     owner = np.full(len(relation.rows), -1)
-    rooms = [group for group in groups if len(group) >= FEWEST_MEMBERS]
-    for number, room in enumerate(rooms):
-        owner[room] = number
-    joined: list[list[int]] = [list(room) for room in rooms]
+    for number, group in enumerate(large):
+        owner[group] = number
     best: dict[int, tuple[float, int]] = {}
-    group_of = {member: k for k, group in enumerate(groups) for member in group}
-    for (one, two), logit in zip(relation.pairs.tolist(), relation.logits.tolist(), strict=True):
+    group_of = {member: k for k, group in enumerate(small) for member in group}
+    likely = relation.logits > ABSORB_LOGIT
+    pairs, logits = relation.pairs[likely].tolist(), relation.logits[likely].tolist()
+    for (one, two), logit in zip(pairs, logits, strict=True):
         for stray, other in ((one, two), (two, one)):
-            if owner[stray] < 0 <= owner[other]:
+            if owner[stray] < 0 <= owner[other] and _faces(surfaces, stray, large[owner[other]]):
                 offer = (logit, -int(owner[other]))
                 best[group_of[stray]] = max(best.get(group_of[stray], offer), offer)
-    for group, (logit, room_number) in best.items():
-        if logit > ABSORB_LOGIT:
-            joined[-room_number] += groups[group]
+    joined = [list(group) for group in large]
+    for number, (_, joins) in best.items():
+        joined[-joins] += small[number]
     return joined
+
+
+def _faces(surfaces: SurfaceArrays, one: int, others: list[int]) -> bool:
+    """Return whether any of the others reaches in front of a surface: to a facade, no room does."""
+    in_front = (surfaces.segments[others] - surfaces.midpoints[one]) @ surfaces.normals[one]
+    return bool(in_front.max() > IN_FRONT_M)
 
 
 def _encloses(surfaces: SurfaceArrays, rows: IntArray) -> bool:

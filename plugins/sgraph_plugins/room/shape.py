@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import shapely
 
 from sgraph_concepts.types import FloatArray, IntArray, NodeShape, Scene, SurfaceArrays
 from sgraph_core.geometry import cross, dot, in_frames
+from sgraph_core.openings import openings
 
 __all__ = ["outline", "shape"]
 
@@ -26,7 +29,9 @@ def shape(members: IntArray, scene: Scene) -> NodeShape:
     """Return centre, polygon and holes of the room that the members enclose.
 
     The polygon follows the members and is straight over what is open between them, such as doors.
-    It is absent when they enclose nothing.
+    It is absent when they enclose nothing. Attributes: ``area_m2``; ``open_sides``, the parts of
+    the border that no member covers and that are wider than a door, in the world; ``open_m``, their
+    length.
     """
     surfaces = scene.surfaces.take(members)
     polygon = outline(surfaces)
@@ -39,8 +44,21 @@ def shape(members: IntArray, scene: Scene) -> NodeShape:
         centre=(centre.x, centre.y),
         polygon=_ring(polygon.exterior),
         holes=tuple(_ring(hole) for hole in polygon.interiors),
-        attributes={"area_m2": round(polygon.area, 3)},
+        attributes={
+            "area_m2": round(polygon.area, 3),
+            **_open_sides(polygon, surfaces, scene.origin),
+        },
     )
+
+
+def _open_sides(
+    polygon: shapely.Polygon, surfaces: SurfaceArrays, origin: FloatArray
+) -> dict[str, Any]:
+    sides = [o for o in openings(polygon, surfaces) if o.kind == "open side"]
+    return {
+        "open_sides": [piece.tolist() for side in sides for piece in side.segments + origin],
+        "open_m": round(sum((float(side.lengths_m.sum()) for side in sides), 0.0), 3),
+    }
 
 
 def outline(surfaces: SurfaceArrays) -> shapely.Polygon | None:
