@@ -25,10 +25,12 @@ from sgraph_concepts.types import (
     SurfaceArrays,
 )
 from sgraph_core.clustering.confidence import probability_right
+from sgraph_core.clustering.pinned import pin
 from sgraph_core.concepts import installed
-from sgraph_core.graph import SGraph
+from sgraph_core.graph import Pins, SGraph
 from sgraph_core.network.runtime import Network
 from sgraph_core.nodes import keep_identity
+from sgraph_core.pins import PINNED_CONCEPT, RoomPins, check_pins
 from sgraph_core.preprocess import Fragments, preprocess
 from sgraph_core.proximity import build_scene
 
@@ -46,7 +48,7 @@ class Trace:
         graph: the S-Graph with its concepts.
         fragments: the surfaces as preprocessing left them.
         scene: the same surfaces, and the pairs of them that are related.
-        relations: over the scene's pairs, by concept that groups wall surfaces.
+        relations: over the scene's pairs, as scored, by concept that groups wall surfaces.
         clusters: what the concept's clusterer found, by concept that groups wall surfaces and by
             the members of the node that it gives.
     """
@@ -103,14 +105,16 @@ class Detector:
         """Return a copy of an S-Graph with its concepts inferred anew.
 
         The steps are the paper's: preprocess, relate neighbours, encode once, and for each concept
-        score, cluster and describe. Nodes that the graph already holds give their ids and names
-        to those they persist in. Concepts that are not asked for stay as they are.
+        score, cluster and describe. The graph's pins hold in its rooms. Nodes that the graph
+        already holds give their ids and names to those they persist in. Concepts that are not
+        asked for stay as they are.
 
         Args:
             graph: the S-Graph; it is not changed, and its truth is not read.
             concepts: names of the concepts to infer, together with what they group; all by default.
 
         Raises:
+            InputError: the pins contradict one another or name no pairs of wall surfaces.
             ConceptError: a concept is unknown, or one of its parts returned nonsense.
             WeightsError: the network's weights cannot be used.
         """
@@ -118,13 +122,15 @@ class Detector:
 
     def trace(self, graph: SGraph, concepts: Sequence[str] | None = None) -> Trace:
         """Infer as :meth:`infer` does, and keep what the nodes follow from."""
-        result = graph.copy()
-        fragments = preprocess(graph.wall_surfaces.ordered())
-        run = _Run(self, fragments, self.scene(fragments.surfaces))
+        pins = graph.pins or Pins()
+        check_pins(pins, set(graph.wall_surfaces.ids.tolist()))
+        result, room_pins = graph.copy(), RoomPins(pins)
+        fragments = preprocess(graph.wall_surfaces.ordered(), room_pins.let_stand)
+        run = _Run(self, fragments, self.scene(fragments.surfaces), room_pins)
         for concept in self.registry.select(None if concepts is None else list(concepts)):
             name, groups = concept.spec.name, concept.spec.groups
             nodes = run.nodes(concept, result.concepts.get(groups, []))
-            names = graph.pins.room_names if graph.pins and name == "room" else {}
+            names = pins.room_names if name == PINNED_CONCEPT else {}
             result.concepts[name] = keep_identity(nodes, graph.concepts.get(name, []), names)
             if groups != WALL_SURFACE:
                 result.groups[name] = groups
@@ -132,18 +138,21 @@ class Detector:
 
     def score(self, concept: RegisteredConcept, scene: Scene) -> ScoredEdges:
         """Return a concept's relation over the pairs of a scene of wall surfaces."""
-        return _Run(self, Fragments(scene.surfaces), scene).score(concept, scene)
+        return _Run(self, Fragments(scene.surfaces), scene, RoomPins(Pins())).score(concept, scene)
 
 
 class _Run:
     """One inference: the scene, and what is computed from it once for all concepts."""
 
-    def __init__(self, detector: Detector, fragments: Fragments, scene: Scene) -> None:
+    def __init__(
+        self, detector: Detector, fragments: Fragments, scene: Scene, pins: RoomPins
+    ) -> None:
         self._detector = detector
         self._fragments = fragments
         self.scene = scene
         self.relations: dict[str, ScoredEdges] = {}
         self.clusters: dict[str, dict[frozenset[int], Cluster]] = {}
+        self._pins = pins
 
     @cached_property
     def _embeddings(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -177,7 +186,7 @@ class _Run:
     ) -> dict[frozenset[int], Cluster]:
         """Return the clusters by the members of the nodes that they give."""
         found: dict[frozenset[int], Cluster] = {}
-        clusters = self._cluster(concept, edges, scene)
+        clusters = self._clusters(concept, edges, scene)
         for cluster in sorted(clusters, key=lambda c: (c.confidence, c.members)):
             if concept.spec.groups == WALL_SURFACE:
                 rows = np.array(cluster.members, np.int64)
@@ -223,6 +232,15 @@ class _Run:
                 f"baseline of concept {name!r} must return {len(scene.pairs)} finite log-odds"
             )
         return ScoredEdges(scene.pairs, logits)
+
+    def _clusters(
+        self, concept: RegisteredConcept, edges: ScoredEdges, scene: Scene
+    ) -> list[Cluster]:
+        """Cluster by a concept's relation; rooms keep to the pins."""
+        if concept.spec.name != PINNED_CONCEPT:
+            return self._cluster(concept, edges, scene)
+        pinned = pin(edges, scene, self._pins.groups, self._pins.apart)
+        return pinned.enforce(self._cluster(concept, pinned.edges, scene))
 
     def _cluster(
         self, concept: RegisteredConcept, edges: ScoredEdges, scene: Scene

@@ -52,10 +52,10 @@ class WallSurface:
 
 @dataclass(frozen=True)
 class Pins:
-    """What a person has decided and inference must respect.
+    """What a person has decided and inference respects; see docs/map-file.md.
 
     Attributes:
-        same_room, not_same_room: pairs of wall surface ids.
+        same_room, not_same_room: pairs of wall surface ids; they must not contradict one another.
         room_names: name by room id.
     """
 

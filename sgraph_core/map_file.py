@@ -25,6 +25,7 @@ from sgraph_core.map_schema import (
     PinsRecord,
     TruthRecord,
 )
+from sgraph_core.pins import PinError, check_pins
 from sgraph_core.tables import RowError
 
 __all__ = ["dump", "load", "parse", "save", "schema"]
@@ -235,19 +236,19 @@ def _ring(points: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], .
 
 
 def _read_pins(record: PinsRecord, surfaces: set[int], path: str | Path) -> Pins:
-    for name in ("same_room", "not_same_room"):
-        for k, pair in enumerate(getattr(record, name) or []):
-            _refuse_unknown(pair, surfaces, f"pins.{name}[{k}]", path)
-            if pair[0] == pair[1]:
-                raise MapFileError(path, f"pins.{name}[{k}]", _value(pair), "must be two surfaces")
     for key in record.room_names or {}:
         if not key.isdecimal() or str(int(key)) != key:
             raise MapFileError(path, "pins.room_names", _value(key), "key must be a room id")
-    return Pins(
+    pins = Pins(
         tuple(record.same_room or ()),
         tuple(record.not_same_room or ()),
         {int(key): name for key, name in (record.room_names or {}).items()},
     )
+    try:
+        check_pins(pins, surfaces)
+    except PinError as error:
+        raise MapFileError(path, error.place, _value(error.value), error.rule) from error
+    return pins
 
 
 def _read_truth(record: TruthRecord, surfaces: set[int], path: str | Path) -> Truth:

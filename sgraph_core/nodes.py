@@ -20,8 +20,9 @@ def keep_identity(
 ) -> list[ConceptNode]:
     """Give new nodes the ids and names of the old ones that persist in them.
 
-    Old and new nodes are matched one to one so that they share the most members. Nodes without a
-    match get ids above all old ones, in the order of their members; an id is not used again.
+    Old and new nodes are matched one to one so that as many named ones as possible persist, and
+    then so that they share the most members. Nodes without a match get ids above all old ones, in
+    the order of their members; an id is not used again.
 
     Args:
         new: nodes whose ids are not yet decided.
@@ -32,8 +33,9 @@ def keep_identity(
         The new nodes by id.
     """
     ordered = sorted(new, key=lambda node: node.members)
-    inherited = _matches(ordered, old)
-    free = max((node.id for node in old), default=-1) + 1
+    inherited = _matches(ordered, old, names)
+    # a pinned name may belong to a node that is gone: its id is taken too, once there are nodes
+    free = max((*(node.id for node in old), *(names if old else ())), default=-1) + 1
     result = []
     for k, node in enumerate(ordered):
         before = inherited.get(k)
@@ -44,17 +46,22 @@ def keep_identity(
     return sorted(result, key=lambda node: node.id)
 
 
-def _matches(new: Sequence[ConceptNode], old: Sequence[ConceptNode]) -> dict[int, ConceptNode]:
+def _matches(
+    new: Sequence[ConceptNode], old: Sequence[ConceptNode], names: Mapping[int, str]
+) -> dict[int, ConceptNode]:
     if not new or not old:
         return {}
     from scipy.optimize import linear_sum_assignment
 
     before = [set(node.members) for node in old]
     shared = np.array([[len(b.intersection(node.members)) for b in before] for node in new])
-    rows, columns = linear_sum_assignment(-shared)
+    sizes = [len(node.members) for node in new], [len(b) for b in before]
+    persists = (shared > 0) & (shared >= SHARED * np.minimum.outer(*sizes))
+    named = np.array([node.id in names or node.name is not None for node in old])
+    worth = np.where(persists, shared + named * (1 + shared.sum()), 0)
+    rows, columns = linear_sum_assignment(-worth)
     return {
         int(row): old[column]
         for row, column in zip(rows, columns, strict=True)
-        if shared[row, column]
-        and shared[row, column] >= SHARED * min(len(before[column]), len(new[row].members))
+        if worth[row, column]
     }

@@ -6,7 +6,7 @@ fragment can belong to a room of its own. Every fragment carries the id of its p
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -98,11 +98,18 @@ def flatten(points: ArrayLike, viewpoint: ArrayLike) -> tuple[FloatArray, FloatA
     return centre + np.outer([reach.min(), reach.max()], along), normal
 
 
-def preprocess(surfaces: SurfaceArrays) -> Fragments:
-    """Drop duplicates and split surfaces where others meet them."""
+def preprocess(
+    surfaces: SurfaceArrays, may_stand: Callable[[int, int], bool] = lambda _original, _copy: True
+) -> Fragments:
+    """Drop duplicates and split surfaces where others meet them.
+
+    Args:
+        surfaces: the wall surfaces.
+        may_stand: asked with the ids of an original and its copy before the copy is dropped.
+    """
     if len(surfaces) < 2:
         return Fragments(surfaces)
-    kept, duplicates = _drop_duplicates(surfaces)
+    kept, duplicates = _drop_duplicates(surfaces, may_stand)
     return Fragments(_split(kept), duplicates)
 
 
@@ -114,7 +121,9 @@ def _near(surfaces: SurfaceArrays, distance_m: float) -> tuple[IntArray, IntArra
     return one[apart], two[apart]
 
 
-def _drop_duplicates(surfaces: SurfaceArrays) -> tuple[SurfaceArrays, dict[int, int]]:
+def _drop_duplicates(
+    surfaces: SurfaceArrays, may_stand: Callable[[int, int], bool]
+) -> tuple[SurfaceArrays, dict[int, int]]:
     long, short = _near(surfaces, DUPLICATE_OFFSET_M)
     lengths, ids = surfaces.lengths, surfaces.ids
     longer = (lengths[long] > lengths[short]) | (
@@ -135,8 +144,11 @@ def _drop_duplicates(surfaces: SurfaceArrays) -> tuple[SurfaceArrays, dict[int, 
     # the longest surface decides first; what it drops can stand for nobody
     stands_for: dict[int, int] = {}
     for k in np.lexsort((ids[short], ids[long], -lengths[long])):
-        if long[k] not in stands_for and short[k] not in stands_for:
-            stands_for[int(short[k])] = int(long[k])
+        original, copy = int(long[k]), int(short[k])
+        if original in stands_for or copy in stands_for:
+            continue
+        if may_stand(int(ids[original]), int(ids[copy])):
+            stands_for[copy] = original
     keep = np.ones(len(surfaces), bool)
     keep[list(stands_for)] = False
     return surfaces.take(keep), {int(ids[s]): int(ids[r]) for s, r in stands_for.items()}

@@ -85,6 +85,30 @@ def test_scorer_and_clusterer_may_be_chosen(sgraph: Any, block_map: Path) -> Non
         assert len(document["concepts"]["room"]) == 4
 
 
+def with_pins(file: Path, **pins: Any) -> Path:
+    document = json.loads(file.read_text(encoding="utf-8"))
+    file.write_text(json.dumps(document | {"pins": pins}), encoding="utf-8")
+    return file
+
+
+@pytest.mark.parametrize("options", [[], ["--clusterer", "room=cycles"]])
+def test_pins_hold_and_the_output_is_a_fixed_point(
+    sgraph: Any, block_map: Path, options: list[str]
+) -> None:
+    assert sgraph("infer", block_map, "-o", block_map, *options).returncode == 0
+    pins = {"same_room": [[0, 12]], "not_same_room": [[4, 6]], "room_names": {"1": "lab"}}
+    result = sgraph("infer", with_pins(block_map, **pins), "-o", block_map, *options)
+    assert (result.returncode, result.stderr) == (0, "")
+    once = json.loads(block_map.read_bytes())
+    assert once["pins"] == pins
+    rooms = [set(room["members"]) for room in once["concepts"]["room"]]
+    assert any({0, 12} <= room for room in rooms)
+    assert not any({4, 6} <= room for room in rooms)
+    assert [room.get("name") for room in once["concepts"]["room"] if room["id"] == 1] == ["lab"]
+    assert sgraph("infer", block_map, "-o", block_map, *options).returncode == 0
+    assert json.loads(block_map.read_bytes()) == once
+
+
 @pytest.mark.parametrize("suffix", ["png", "svg"])
 def test_infer_and_plot_write_pictures(
     sgraph: Any, block_map: Path, tmp_path: Path, suffix: str
@@ -130,6 +154,18 @@ def test_bad_files_get_one_line_and_exit_1(
     if content is not None:
         file.write_bytes(content)
     assert_one_line(sgraph("infer", file, "-o", out), str(file), *parts)
+    assert not out.exists()
+
+
+def test_pins_that_contradict_one_another_are_named(
+    sgraph: Any, block_map: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out.json"
+    with_pins(block_map, same_room=[[0, 1], [2, 1]], not_same_room=[[4, 0], [0, 2]])
+    assert_one_line(
+        sgraph("infer", block_map, "-o", out),
+        f"{block_map}: pins.not_same_room[1] = [0, 2]: contradicts same_room [0, 1], [1, 2]",
+    )
     assert not out.exists()
 
 

@@ -199,6 +199,14 @@ MUTATIONS: list[tuple[Callable[[dict[str, Any]], None], str]] = [
     (_set("concepts/floor/0/members", [6]), "concepts.floor[0].members[0] = 6: must be the id"),
     (_set("pins/same_room/0", [12, 12]), "pins.same_room[0] = [12, 12]: must be two surfaces"),
     (_set("pins/same_room/0", [12, 13]), "pins.same_room[0][1] = 13: must be the id"),
+    (
+        _set("pins/not_same_room/0", [40, 12]),
+        "pins.not_same_room[0] = [40, 12]: contradicts same_room [40, 12]",
+    ),
+    (
+        _set("pins/same_room", [[31, 40], [12, 40]]),
+        "pins.not_same_room[0] = [12, 31]: contradicts same_room [12, 40], [40, 31]",
+    ),
     (_set("pins/room_names", {"x": "y"}), 'pins.room_names = "x": key must be a room id'),
     (_set("truth/rooms/0/members", [1]), "truth.rooms[0].members[0] = 1: must be the id"),
     (_set("truth/walls/0", [12, 12]), "truth.walls[0] = [12, 12]: must be two surfaces"),

@@ -36,6 +36,19 @@ def test_a_node_that_shares_too_little_is_new_and_old_ids_are_not_used_again() -
     assert ids(keep_identity(nodes((4, 5, 6)), old, {})) == {(4, 5, 6): 9}
 
 
+def test_a_node_with_a_name_persists_before_one_without() -> None:
+    old = [ConceptNode(0, (1, 2, 3, 4)), ConceptNode(1, (5, 6, 7), "kitchen")]
+    merged = keep_identity(nodes((1, 2, 3, 4, 5, 6, 7)), old, {})
+    assert [(node.id, node.name) for node in merged] == [(1, "kitchen")]
+    pinned = keep_identity(nodes((1, 2, 3, 4, 5, 6, 7)), [old[0], ConceptNode(1, (5, 6))], {1: "a"})
+    assert [(node.id, node.name) for node in pinned] == [(1, "a")]
+
+
+def test_a_name_does_not_go_where_its_node_does_not_persist() -> None:
+    old = [ConceptNode(0, (1, 2, 3, 4), "hall")]
+    assert keep_identity(nodes((4, 5, 6)), old, {})[0].name is None
+
+
 def test_pinned_names_win_over_old_ones() -> None:
     old = [ConceptNode(1, (1, 2, 3), "old")]
     assert keep_identity(nodes((1, 2, 3)), old, {1: "new"})[0].name == "new"

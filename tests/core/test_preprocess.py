@@ -69,6 +69,17 @@ def test_a_surface_mapped_twice_is_dropped_and_remembered() -> None:
     assert fragments.with_duplicates(frozenset({0})) == {0, 1, 2}
 
 
+def test_a_copy_that_may_not_be_dropped_is_a_surface_of_its_own() -> None:
+    graph = surfaces(
+        ([[0, 0], [4, 0]], [0, 1]),
+        ([[1, 0.03], [3, 0.02]], [0, 1]),
+        ([[0, 0.02], [4, 0.02]], [0, 1]),
+    )
+    fragments = preprocess(graph.wall_surfaces.ordered(), lambda _original, copy: copy != 1)
+    assert fragments.surfaces.ids.tolist() == [0, 1]
+    assert fragments.duplicates == {2: 0}
+
+
 def test_neighbours_in_one_line_are_no_duplicates() -> None:
     graph = surfaces(([[0, 0], [4, 0]], [0, 1]), ([[3.5, 0.02], [8, 0.02]], [0, 1]))
     assert preprocess(graph.wall_surfaces.ordered()).duplicates == {}

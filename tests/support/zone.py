@@ -69,3 +69,16 @@ def label_unknown_surface(_truth: BuildingTruth) -> IntArray:
 
 def label_flat(_truth: BuildingTruth) -> IntArray:
     return np.array([0, 1])
+
+
+def no_nodes(_edges: ScoredEdges, _scene: Scene) -> list[Cluster]:
+    return []
+
+
+def pairs_of_rows(_edges: ScoredEdges, scene: Scene) -> list[Cluster]:
+    rows = range(len(scene.surfaces))
+    return [Cluster(tuple(rows[k : k + 2]), 0.5) for k in rows[::2]]
+
+
+def surest_pair(edges: ScoredEdges, _scene: Scene) -> list[Cluster]:
+    return [Cluster(tuple(edges.pairs[edges.logits.argmax()].tolist()), 0.5)]

@@ -1,0 +1,120 @@
+"""What a person pinned about rooms: the rules that pins obey, and what they ask for.
+
+Surfaces that ``same_room`` links, directly or over others, form a group: one room holds all of it.
+No room holds both surfaces of a ``not_same_room`` pair. A surface that was mapped twice is one
+surface, whose pins are those of all its copies, unless that makes them contradict.
+
+:mod:`sgraph_core.clustering.pinned` makes it so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Sequence
+from itertools import pairwise
+
+from sgraph_concepts.errors import InputError
+from sgraph_concepts.spec import WALL_SURFACE
+from sgraph_core.graph import Pins
+
+__all__ = ["PINNED_CONCEPT", "PinError", "RoomPins", "check_pins"]
+
+PINNED_CONCEPT = "room"
+"""The concept that the names of the pins speak of."""
+
+Pair = tuple[int, int]
+
+
+class PinError(InputError):
+    """Pins break a rule.
+
+    Attributes:
+        place: the pin, named as in the map file.
+        value: the offending value.
+        rule: what is asked for.
+    """
+
+    def __init__(self, place: str, value: object, rule: str) -> None:
+        self.place, self.value, self.rule = place, value, rule
+        super().__init__(f"{place} = {value}: {rule}")
+
+
+def check_pins(pins: Pins, surfaces: Collection[int]) -> None:
+    """Check that pins name pairs of wall surfaces and do not contradict one another.
+
+    Args:
+        pins: the pins.
+        surfaces: ids of the map's wall surfaces.
+
+    Raises:
+        PinError: they break a rule.
+    """
+    for name, pairs in (("same_room", pins.same_room), ("not_same_room", pins.not_same_room)):
+        for k, pair in enumerate(pairs):
+            for side, surface in enumerate(pair):
+                if surface not in surfaces:
+                    place = f"pins.{name}[{k}][{side}]"
+                    raise PinError(place, surface, f"must be the id of a {WALL_SURFACE}")
+            if pair[0] == pair[1]:
+                raise PinError(f"pins.{name}[{k}]", list(pair), "must be two surfaces")
+    groups = _groups(pins.same_room)
+    for k, pair in enumerate(pins.not_same_room):
+        if _within(pair, groups):
+            rule = f"contradicts same_room {_links(pair, pins.same_room)}"
+            raise PinError(f"pins.not_same_room[{k}]", list(pair), rule)
+
+
+class RoomPins:
+    """What the pins of one map ask for while it is inferred.
+
+    Args:
+        pins: pins that :func:`check_pins` accepts.
+    """
+
+    def __init__(self, pins: Pins) -> None:
+        self._same, self._apart = list(pins.same_room), list(pins.not_same_room)
+
+    @property
+    def groups(self) -> list[frozenset[int]]:
+        """The surfaces that one room holds together."""
+        return _groups(self._same)
+
+    @property
+    def apart(self) -> list[tuple[int, int]]:
+        """The pairs of surfaces that no room holds both of."""
+        return self._apart
+
+    def let_stand(self, original: int, copy: int) -> bool:
+        """Return whether one surface may stand for another, whose pins it then takes over."""
+        if not any(copy in pair for pair in (*self._same, *self._apart)):
+            return True
+        same, apart = (
+            [(original if a == copy else a, original if b == copy else b) for a, b in pairs]
+            for pairs in (self._same, self._apart)
+        )
+        groups = _groups(same)
+        if any(a == b or _within((a, b), groups) for a, b in apart):
+            return False
+        self._same, self._apart = same, apart
+        return True
+
+
+def _groups(pairs: Iterable[Pair]) -> list[frozenset[int]]:
+    """Return the sets of what pairs link, by their smallest member."""
+    groups: list[frozenset[int]] = []
+    for pair in pairs:
+        linked = frozenset(pair).union(*(g for g in groups if not g.isdisjoint(pair)))
+        groups = [*(g for g in groups if g.isdisjoint(pair)), linked]
+    return sorted(groups, key=min)
+
+
+def _within(pair: Pair, groups: Iterable[frozenset[int]]) -> bool:
+    return any(group.issuperset(pair) for group in groups)
+
+
+def _links(ends: Pair, pairs: Sequence[Pair]) -> str:
+    import networkx as nx  # here: only the text of an error needs it
+
+    graph: nx.Graph[int] = nx.Graph()
+    graph.add_edges_from(pairs)
+    path = nx.shortest_path(graph, *ends)
+    return ", ".join(str(list(link)) for link in pairwise(path))
