@@ -69,9 +69,9 @@ class Detector:
         clusterers: other clusterers than the declared ones, by concept: a built-in name or
             ``package.module:function``.
         weights: folder with other weights than the shipped ones, as ``sgraph train`` writes them.
-        calibrated: give nodes the probability that they are right as their confidence, where the
-            concept declares how; else, and with another scorer, clusterer or weights than
-            the declared ones, a node's confidence is what its clusterer says.
+        calibrated: say of relations how likely they hold, and of nodes as their confidence how
+            likely they are right, where the concept declares how. With another scorer, clusterer
+            or weights than the declared ones, the scores and the clusterer are taken at their word.
     """
 
     def __init__(
@@ -168,7 +168,7 @@ class _Run:
         edges = self.score(concept, scene)
         clusters = self._by_members(concept, edges, scene)
         if groups_surfaces:
-            self.relations[concept.spec.name] = edges
+            self.relations[concept.spec.name] = self._calibrated(concept, edges)
             self.clusters[concept.spec.name] = clusters
         return [
             ConceptNode(
@@ -197,15 +197,21 @@ class _Run:
                 found[members] = cluster
         return found
 
-    def _confidence(self, concept: RegisteredConcept, cluster: Cluster, members: int) -> float:
-        spec = concept.spec.confidence
+    @property
+    def _may_calibrate(self) -> bool:
+        """Whether scores are those that the declared constants were fitted to."""
         detector = self._detector
-        as_declared = (
-            detector.scorer == "network"
-            and detector.weights is None
-            and concept.spec.name not in detector.clusterers
-        )
-        if spec is None or not (detector.calibrated and as_declared):
+        return detector.calibrated and detector.scorer == "network" and detector.weights is None
+
+    def _calibrated(self, concept: RegisteredConcept, edges: ScoredEdges) -> ScoredEdges:
+        head = concept.spec.head
+        if head is None or not self._may_calibrate:
+            return edges
+        return replace(edges, intercept=head.intercept, slope=head.slope)
+
+    def _confidence(self, concept: RegisteredConcept, cluster: Cluster, members: int) -> float:
+        spec, other_clusterers = concept.spec.confidence, self._detector.clusterers
+        if spec is None or not self._may_calibrate or concept.spec.name in other_clusterers:
             return cluster.confidence
         return probability_right(spec, cluster.confidence, members)
 

@@ -40,16 +40,18 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Link:
-    """A scored relation between two wall surfaces, given by their ids, with its log-odds."""
+    """A scored relation between two wall surfaces.
+
+    Attributes:
+        one, two: ids of the surfaces.
+        logit: log-odds of the relation as scored, which the clusterer weighs.
+        probability: of the relation.
+    """
 
     one: int
     two: int
     logit: float
-
-    @property
-    def probability(self) -> float:
-        """Probability of the relation."""
-        return float(0.5 * (1 + np.tanh(0.5 * self.logit)))
+    probability: float
 
 
 @dataclass(frozen=True)
@@ -275,11 +277,15 @@ def _linking(ones: IntArray, twos: IntArray, trace: Trace) -> IntArray:
 def _balance(ones: IntArray, twos: IntArray, concept: str, trace: Trace) -> Balance:
     """Return the links between two groups of rows."""
     linking = _linking(ones, twos, trace)
-    pairs, logits = trace.scene.pairs[linking], trace.relations[concept].logits[linking]
+    relation, pairs = trace.relations[concept], trace.scene.pairs[linking]
     backward = np.isin(pairs[:, 1], ones)
     pairs[backward] = pairs[backward, ::-1]
     ids = trace.scene.surfaces.ids[pairs].tolist()
-    links = [Link(one, two, logit) for (one, two), logit in zip(ids, logits.tolist(), strict=True)]
+    scores = zip(relation.logits[linking], relation.probabilities[linking], strict=True)
+    links = [
+        Link(one, two, float(logit), float(probability))
+        for (one, two), (logit, probability) in zip(ids, scores, strict=True)
+    ]
     return Balance(tuple(sorted(links, key=lambda link: (-link.logit, link.one, link.two))))
 
 
@@ -307,15 +313,18 @@ def _relation(
 ) -> Relation:
     one, two = (_holders(surface, spec.name, graph) for surface in surfaces)
     linking = _linking(*rows, trace)
-    logits = trace.relations[spec.name].logits[linking]
-    link = Link(*surfaces, float(logits.max())) if len(linking) else None
+    edges, link = trace.relations[spec.name], None
+    if len(linking):
+        likeliest = linking[np.argmax(edges.logits[linking])]
+        logit, probability = edges.logits[likeliest], edges.probabilities[likeliest]
+        link = Link(*surfaces, float(logit), float(probability))
     likely = link is not None and link.logit > 0
     found = Relation(spec.name, spec.relation, link, (one, two))
     if not spec.exclusive or likely == bool(found.shared):
         return found
     if found.shared:
         return replace(found, balance=_held_together(rows, spec.name, trace))
-    best = trace.scene.pairs[linking[np.argmax(logits)]]
+    best = trace.scene.pairs[likeliest]
     best = best if best[0] in rows[0] else best[::-1]
     groups = [_group(row, spec.name, trace) for row in best.tolist()]
     if all(map(len, groups)):

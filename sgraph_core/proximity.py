@@ -12,10 +12,8 @@ from typing import Literal
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from sgraph_concepts.types import FloatArray, IntArray, Scene, SurfaceArrays
-from sgraph_core.closures import nearest
 from sgraph_core.geometry import closest_distances, lines_of
 from sgraph_core.visibility import facing_pairs, visibility
 
@@ -24,10 +22,8 @@ __all__ = ["Neighbours", "build_scene"]
 Neighbours = Literal["visible", "nearest"]
 """``visible``: ours. ``nearest``: the paper's, by the distance of midpoints."""
 
-FACING = 32
-"""How many of the nearest facing surfaces are tested for visibility."""
-VISIBLE = 30
-"""How many of the nearest visible surfaces each surface is linked to."""
+FACING = 24
+"""Of how many of the nearest facing surfaces each surface is linked to those that it sees."""
 CLOSE_M = 0.7
 """Surfaces this close are linked in any case: the thickest walls are thinner."""
 NEAREST = 15
@@ -54,31 +50,18 @@ def build_scene(surfaces: SurfaceArrays, neighbours: Neighbours = "visible") -> 
         return _scene(local, origin, _nearest_pairs(local))
     pairs = np.concatenate([facing_pairs(local, FACING), _close_pairs(local)])
     scene = _scene(local, origin, np.unique(pairs, axis=0))
-    return _only(scene, (scene.distances <= CLOSE_M) | _nearest_visible(scene))
+    worth_relating = (scene.distances <= CLOSE_M) | (scene.visibility[:, 0] > 0)
+    return replace(
+        scene,
+        pairs=scene.pairs[worth_relating],
+        distances=scene.distances[worth_relating],
+        visibility=scene.visibility[worth_relating],
+    )
 
 
 def _scene(surfaces: SurfaceArrays, origin: FloatArray, pairs: IntArray) -> Scene:
     distances = closest_distances(surfaces.segments, pairs[:, 0], pairs[:, 1])
     return Scene(surfaces, origin, pairs, distances, visibility(surfaces, pairs))
-
-
-def _only(scene: Scene, chosen: NDArray[np.bool_]) -> Scene:
-    return replace(
-        scene,
-        pairs=scene.pairs[chosen],
-        distances=scene.distances[chosen],
-        visibility=scene.visibility[chosen],
-    )
-
-
-def _nearest_visible(scene: Scene) -> NDArray[np.bool_]:
-    """Return which pairs one of the two asks for, as its nearest that it sees, [E]."""
-    visible = np.flatnonzero(scene.visibility[:, 0] > 0)
-    asking = scene.pairs[visible].T.ravel()
-    asked_for = nearest(asking, np.tile(scene.distances[visible], 2), VISIBLE)
-    chosen = np.zeros(len(scene.pairs), bool)
-    chosen[visible] = asked_for.reshape(2, -1).any(axis=0)
-    return chosen
 
 
 def _nearest_pairs(surfaces: SurfaceArrays) -> IntArray:

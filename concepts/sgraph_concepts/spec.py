@@ -47,6 +47,15 @@ class HeadSpec(_Frozen):
     hidden: int = Field(
         default=32, ge=1, le=1024, description="Width of the head's two hidden layers."
     )
+    intercept: float = Field(
+        default=0.0,
+        description="Log-odds of the relation where the head says 0; `sgraph calibrate` fits it.",
+    )
+    slope: float = Field(
+        default=1.0,
+        gt=0,
+        description="Log-odds of the relation per unit of what the head says; likewise.",
+    )
 
 
 class ConfidenceSpec(_Frozen):

@@ -105,16 +105,20 @@ class ScoredEdges:
 
     Attributes:
         pairs: row indices, first below second, each pair once, [E, 2].
-        logits: log-odds of the relation, [E].
+        logits: log-odds of the relation as scored, which clusterers weigh against one another, [E].
+        intercept, slope: what makes probabilities of them that mean what they say.
     """
 
     pairs: IntArray
     logits: FloatArray
+    intercept: float = 0.0
+    slope: float = 1.0
 
     @cached_property
     def probabilities(self) -> FloatArray:
         """Probabilities of the relation, [E]."""
-        return np.asarray(0.5 * (1.0 + np.tanh(0.5 * self.logits)))
+        log_odds = self.intercept + self.slope * self.logits
+        return np.asarray(0.5 * (1.0 + np.tanh(0.5 * log_odds)))
 
 
 @dataclass(frozen=True)

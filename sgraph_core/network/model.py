@@ -95,19 +95,13 @@ class Encoder(nn.Module):
 class Head(nn.Module):
     """The classifier of one relation: three linear layers on [v_i, e_ij, v_j] (the paper's Eq. 3).
 
-    Its logits are divided by a temperature, which is 1 while it is trained and set afterwards so
-    that probabilities mean what they say.
-
     Args:
         width: width of the encoder's embeddings.
         hidden: width of the two hidden layers.
     """
 
-    temperature: Tensor
-
     def __init__(self, width: int = 32, hidden: int = 32) -> None:
         super().__init__()
-        self.register_buffer("temperature", torch.ones(()))
         self.layers = nn.Sequential(
             nn.Linear(3 * width, hidden),
             nn.ReLU(),
@@ -126,7 +120,7 @@ class Head(nn.Module):
         """
         j, i = edge_index
         logits: Tensor = self.layers(torch.cat([x[i], edge_attr, x[j]], dim=1))
-        return logits.squeeze(1) / self.temperature
+        return logits.squeeze(1)
 
 
 def symmetric(logits: Tensor) -> Tensor:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -39,10 +38,6 @@ class TrainingConfig(BaseModel):
         default=300,
         ge=1,
         description="Step after which training stops, if the schedule is longer.",
-    )
-    temperatures: dict[str, Annotated[float, Field(gt=0)]] = Field(
-        default_factory=dict,
-        description="What each concept's logits are divided by after training; 1 if not given.",
     )
     floors_per_step: int = Field(default=24, ge=1, description="Floors in one batch.")
     learning_rate: float = Field(default=2e-3, gt=0, description="Peak of the one-cycle schedule.")

@@ -84,7 +84,6 @@ def train(
                 run.validate(samples.validation)
                 run.save(folder / CHECKPOINT)
             progress("training", run.step, config.last_step)
-    run.temper()
     record = _record(config, names, run, concept)
     _write(folder, run, record, names)
     return record
@@ -130,7 +129,7 @@ def _trainable(registry: Registry, concept: str | None) -> list[str]:
 
 def _claim(folder: Path, config: TrainingConfig, names: Sequence[str], resume: bool) -> None:
     """Make sure that a folder's files are those of this run, wherever it is to stop."""
-    settings = config.model_dump(mode="json", exclude={"stop", "temperatures"})
+    settings = config.model_dump(mode="json", exclude={"stop"})
     run = {"config": settings, "concepts": list(names)}
     claim, wanted = folder / "run.json", json.dumps(run, indent=1)
     if claim.exists():
@@ -294,12 +293,6 @@ class _Run:
             entry[f"validation {name}"] = float(np.mean([part[name].item() for part in parts]))
         self._losses = []
         self.history.append(entry)
-
-    def temper(self) -> None:
-        """Give the heads their temperatures, now that they have been trained."""
-        for name, head in self.heads.items():
-            assert isinstance(head, Head)
-            head.temperature.fill_(self.config.temperatures.get(name, 1.0))
 
     def save(self, path: Path) -> None:
         """Write a checkpoint."""

@@ -73,9 +73,11 @@ def test_calibrate_prints_what_declarations_take(sgraph: Any, folder: Path) -> N
     assert result.returncode == 0
     number = r"-?\d+\.\d+"
     constants = f"intercept={number}, slope={number}, members={number}"
-    room, wall = result.stdout.splitlines()
-    assert re.fullmatch(rf"room: confidence=ConfidenceSpec\({constants}\)", room)
-    assert re.fullmatch(rf"wall: confidence=ConfidenceSpec\({constants}\)", wall)
+    lines = iter(result.stdout.splitlines())
+    for concept in ("room", "wall"):
+        line = rf"{concept}: head=HeadSpec\(\.\.\., intercept={number}, slope={number}\)"
+        assert re.fullmatch(line, next(lines))
+        assert re.fullmatch(rf"{concept}: confidence=ConfidenceSpec\({constants}\)", next(lines))
     assert "fitted to 5 nodes of 2 maps" in result.stderr
 
 

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from plans import block, plan, rectangle
 
 from sgraph_concepts.errors import InputError
-from sgraph_concepts.spec import ConceptSpec, ConfidenceSpec
+from sgraph_concepts.spec import ConceptSpec, ConfidenceSpec, HeadSpec
 from sgraph_concepts.types import ConceptNode, ScoredEdges
 from sgraph_core.clustering.confidence import probability_right
-from sgraph_core.concepts import new_registry
+from sgraph_core.concepts import installed, new_registry
 from sgraph_core.detector import Detector
 from sgraph_core.evaluation.calibration import (
     Calibration,
@@ -24,7 +24,7 @@ from sgraph_core.evaluation.calibration import (
     same_room,
     same_wall,
 )
-from sgraph_core.evaluation.node_confidence import fit_confidence
+from sgraph_core.evaluation.fitting import fit_confidence, fit_relation
 from sgraph_core.evaluation.scores import Judged, score_floor
 from sgraph_core.evaluation.sources import find_sources
 from sgraph_core.graph import SGraph, TrueRoom, Truth
@@ -237,6 +237,28 @@ def test_a_concept_without_constants_keeps_its_clusterers_confidence() -> None:
         registry.add(ConceptSpec(name="zone", relation="same_zone", confidence=spec, **parts))
         (zone,) = Detector(registry).infer(block(0.1)).concepts["zone"]
         assert zone.confidence == pytest.approx(wanted, abs=1e-3)
+
+
+def test_a_relation_is_fitted_to_what_came_true() -> None:
+    rng = np.random.default_rng(0)
+    logits = rng.normal(0, 3, 20_000)
+    related = rng.random(len(logits)) < 1 / (1 + np.exp(-(0.7 + 1.5 * logits)))
+    assert fit_relation(logits, related) == pytest.approx((0.7, 1.5), abs=0.06)
+
+
+def test_declared_constants_change_probabilities_and_not_what_is_found() -> None:
+    registry = new_registry()
+    room = installed()["room"].spec
+    head = HeadSpec(weights="room.onnx", encoder="1", intercept=1.0, slope=2.0)
+    registry.add(room.model_copy(update={"head": head}), package=installed()["room"].package)
+    declared, raw = (Detector(registry, calibrated=c).trace(block(0.15)) for c in (True, False))
+    edges, as_scored = declared.relations["room"], raw.relations["room"]
+    assert edges.logits == pytest.approx(as_scored.logits)
+    log_odds = np.log(edges.probabilities / (1 - edges.probabilities))
+    assert log_odds == pytest.approx(1.0 + 2.0 * as_scored.logits, abs=1e-3)
+    assert [n.members for n in declared.graph.concepts["room"]] == [
+        n.members for n in raw.graph.concepts["room"]
+    ]
 
 
 def test_a_trace_holds_what_led_to_the_nodes(detector: Detector) -> None:

@@ -22,14 +22,7 @@ from sgraph_core.training import trainer
 from sgraph_core.training.config import TrainingConfig, config_file
 from sgraph_core.training.samples import sample_floor
 
-SMALL = TrainingConfig(
-    floors=4,
-    validation_floors=2,
-    steps=6,
-    floors_per_step=2,
-    hidden=8,
-    temperatures={"room": 2.0},
-)
+SMALL = TrainingConfig(floors=4, validation_floors=2, steps=6, floors_per_step=2, hidden=8)
 
 
 @pytest.fixture(scope="module")
@@ -84,18 +77,6 @@ def test_a_run_that_stopped_goes_on_to_a_later_stop(trained: Path, tmp_path: Pat
     assert (tmp_path / "room.onnx").read_bytes() == (trained / "room.onnx").read_bytes()
     with pytest.raises(TrainingError, match="is at step 6, which is after the last, 4"):
         trainer.train(early, tmp_path, installed(), resume=True)
-
-
-def test_a_temperature_divides_the_exported_logits(trained: Path, tmp_path: Path) -> None:
-    (tmp_path / "floors").symlink_to(trained / "floors")
-    trainer.train(SMALL.model_copy(update={"temperatures": {}}), tmp_path, installed())
-    scene = build_scene(block(0.1).wall_surfaces.ordered())
-    warm, plain = Detector(weights=trained), Detector(weights=tmp_path)
-    for name, temperature in (("room", 2.0), ("wall", 1.0)):
-        concept = installed()[name]
-        assert plain.score(concept, scene).logits == pytest.approx(
-            temperature * warm.score(concept, scene).logits, abs=1e-5
-        )
 
 
 def test_the_papers_settings_train_and_infer(tmp_path: Path) -> None:

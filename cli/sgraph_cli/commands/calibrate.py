@@ -1,4 +1,4 @@
-"""`sgraph calibrate`: from the clusterers' confidences to the probability that a node is right."""
+"""`sgraph calibrate`: from scores to probabilities that mean what they say."""
 
 from __future__ import annotations
 
@@ -20,25 +20,27 @@ def calibrate(
         list[Path] | None, typer.Option(help="Only the maps that this text file names.")
     ] = None,
 ) -> None:
-    """Fit the confidence of rooms and walls, and print it as their declarations take it.
+    """Fit the probabilities of rooms and walls, and print them as their declarations take them.
 
     The maps should be neither those that the network was trained on nor those that are reported.
     """
+    import numpy as np
+
     from sgraph_core.detector import Detector
-    from sgraph_core.evaluation.node_confidence import fit_confidence
-    from sgraph_core.evaluation.report import evaluate
+    from sgraph_core.evaluation.fitting import fit_confidence, fit_relation, gather_outcomes
 
     detector = Detector(calibrated=False)
     warn_about_plugins(list(detector.registry.problems))
     with progress() as report:
-        reports = evaluate(paths, detector, None, report, only or [])
-    floors = [floor for source in reports for floor in source.floors]
-    for concept in ("room", "wall"):
-        judged = [one for floor in floors for one in floor.score.judged[concept]]
-        if not judged:
+        outcomes = gather_outcomes(paths, only or [], detector, report)
+    for concept, found in outcomes.items():
+        logits = np.concatenate(found.logits)
+        intercept, slope = fit_relation(logits, np.concatenate(found.related))
+        typer.echo(f"{concept}: head=HeadSpec(..., intercept={intercept}, slope={slope})")
+        note(f"  fitted to {len(logits)} pairs of {len(found.logits)} maps")
+        if not found.judged:
             note(f"sgraph: warning: no {concept} was found on labelled surfaces: nothing to fit")
             continue
-        spec = fit_confidence(judged)
-        constants = ", ".join(f"{name}={value}" for name, value in spec)
+        constants = ", ".join(f"{name}={value}" for name, value in fit_confidence(found.judged))
         typer.echo(f"{concept}: confidence=ConfidenceSpec({constants})")
-        note(f"  fitted to {len(judged)} nodes of {len(floors)} maps")
+        note(f"  fitted to {len(found.judged)} nodes of {len(found.logits)} maps")
