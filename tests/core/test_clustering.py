@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from itertools import combinations
 
+import networkx as nx
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -111,7 +113,7 @@ def test_cycles_do_not_depend_on_the_order_of_rows(seed: int) -> None:
 
 
 def objective(labels: tuple[int, ...], pairs: np.ndarray, weights: np.ndarray) -> float:
-    same = np.array([labels[a] == labels[b] for a, b in pairs])
+    same = np.array([labels[a] == labels[b] for a, b in pairs], bool)
     return float(weights[same].sum())
 
 
@@ -134,6 +136,31 @@ def test_multicut_comes_close_to_the_best_partition(seed: int) -> None:
     best = max(objective(p, pairs, weights) for p in partitions(6))
     found = objective(tuple(labels), pairs, weights)
     assert 0.6 * best <= found <= best + 1e-9
+
+
+@given(st.integers(2, 40), st.floats(0.05, 1), st.integers(0, 10_000))
+@settings(max_examples=100, deadline=None)
+def test_multicut_is_never_worse_than_connected_components(
+    count: int, density: float, seed: int
+) -> None:
+    """Contraction ends when no two groups attract each other, so parting a component gains."""
+    rng = np.random.default_rng(seed)
+    pairs = np.array(list(combinations(range(count), 2)))
+    pairs = pairs[rng.random(len(pairs)) < density]
+    weights = rng.normal(0, 1, len(pairs))
+    graph = nx.Graph()
+    graph.add_nodes_from(range(count))
+    graph.add_edges_from(pairs[weights > 0].tolist())
+
+    def value(groups: Iterable[Iterable[int]]) -> float:
+        labels = np.empty(count, int)
+        for number, group in enumerate(groups):
+            labels[list(group)] = number
+        return objective(tuple(labels), pairs, weights)
+
+    found = value(multicut(count, pairs, weights))
+    assert found >= value(nx.connected_components(graph)) - 1e-9
+    assert found >= 0  # nor than leaving everything alone
 
 
 def test_multicut_finds_clear_partitions_exactly() -> None:

@@ -1,0 +1,20 @@
+"""The benchmark measures maps of the wanted size; how fast they are is nobody's test."""
+
+from __future__ import annotations
+
+import pytest
+
+from sgraph_core.detector import Detector
+from sgraph_core.evaluation.benchmark import StageTimes, growth, time_stages
+
+
+def test_every_stage_of_every_size_is_timed() -> None:
+    times = list(time_stages(Detector(), [30, 90], repeats=1, seed=0))
+    assert [t.surfaces for t in times] == [30, 90]
+    for t in times:
+        assert min(t.preprocessing, t.features, t.forward, t.total) > 0
+
+
+def test_growth_is_the_exponent_of_a_power_law() -> None:
+    times = [StageTimes(n, 0, 0, 0, 1e-3 * n**1.5) for n in (100, 1000, 10_000)]
+    assert growth(times) == pytest.approx(1.5)
