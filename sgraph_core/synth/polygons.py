@@ -8,9 +8,10 @@ from numpy.random import Generator
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from sgraph_concepts.types import FloatArray
+from sgraph_concepts.types import FloatArray, IntArray
 
 __all__ = [
+    "all_edges",
     "chamfer",
     "clean",
     "crook",
@@ -53,13 +54,19 @@ def clean(geometry: BaseGeometry) -> Polygon | None:
 
 def edges(polygon: Polygon) -> tuple[FloatArray, FloatArray]:
     """Return the edges of a polygon [E, 2, 2] and their normals [E, 2], which point inwards."""
-    oriented = shapely.orient_polygons(polygon)
-    rings = [shapely.get_coordinates(ring) for ring in (oriented.exterior, *oriented.interiors)]
-    segments = np.concatenate([np.stack([ring[:-1], ring[1:]], axis=1) for ring in rings])
+    return all_edges([polygon])[:2]
+
+
+def all_edges(rooms: list[Polygon]) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Return the edges of all rooms [E, 2, 2], their inward normals, and each edge's room [E]."""
+    rings, room_of_ring = shapely.get_rings(shapely.orient_polygons(rooms), return_index=True)
+    corners, ring = shapely.get_coordinates(rings, return_index=True)
+    segments = np.stack([corners[:-1], corners[1:]], axis=1)
     along = segments[:, 1] - segments[:, 0]
     length = np.linalg.norm(along, axis=1)
-    kept = length > SHORTEST_EDGE_M
-    return segments[kept], turn_left(along[kept] / length[kept, None])
+    kept = (ring[:-1] == ring[1:]) & (length > SHORTEST_EDGE_M)
+    normals = turn_left(along[kept] / length[kept, None])
+    return segments[kept], normals, room_of_ring[ring[:-1][kept]]
 
 
 def turn_left(vectors: FloatArray) -> FloatArray:
