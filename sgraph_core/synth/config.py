@@ -49,9 +49,8 @@ class PlanConfig(_Config):
     room_area_m2: Sizes = Field(
         default=(5.0, 45.0), description="A building's typical room; log-uniform."
     )
-    room_area_spread: Choices = Field(
-        default=(0.6, 0.6, 1.0),
-        description="Standard deviation of the rooms' log area; one is drawn per building.",
+    room_area_spread: float = Field(
+        default=0.7, ge=0, description="Standard deviation of the rooms' log area in a building."
     )
     corridor_share: Share = Field(default=0.7, description="Floors with straight corridors.")
     ring_corridor_share: Share = Field(default=0.15, description="Floors with a ring corridor.")

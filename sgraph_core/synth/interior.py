@@ -14,8 +14,8 @@ __all__ = ["stand_columns", "stand_partitions"]
 
 LARGE_ROOM_M2 = 25.0
 AISLE_M = 0.7
-"""What stands free stays this far from walls: wide enough to pass, and too wide for the two faces
-beside the aisle to be the sides of one wall."""
+"""What stands free stays this far from walls: one can pass, and surfaces with an aisle between them
+are too far apart for the two sides of a wall."""
 
 
 def stand_columns(rooms: list[Polygon], rng: Generator, config: PlanConfig) -> list[Polygon]:

@@ -181,7 +181,7 @@ def _united(
     rows, lows, highs = rows[order], lows[order], highs[order]
     apart = 2.0  # more than any share, so that rows stay apart on one axis
     reach = np.maximum.accumulate(apart * rows + highs)
-    begins = np.append(True, (apart * rows + lows)[1:] > reach[:-1] + TOUCH)[: len(rows)]
-    starts = np.flatnonzero(begins)
-    ends = np.append(starts[1:], len(rows)) - 1
-    return rows[starts], lows[starts], reach[ends] - apart * rows[ends]
+    gap_before = (apart * rows + lows)[1:] > reach[:-1] + TOUCH
+    first = np.append(True, gap_before)[: len(rows)]
+    last = np.append(gap_before, True)[: len(rows)]
+    return rows[first], lows[first], reach[last] - apart * rows[last]

@@ -10,7 +10,7 @@ from shapely import Polygon
 from sgraph_concepts.types import FloatArray, IntArray
 from sgraph_core.synth.config import PlanConfig
 from sgraph_core.synth.polygons import all_edges
-from sgraph_core.synth.walls import SIDE_M, WallGaps, wall_gaps
+from sgraph_core.synth.walls import INTO_ROOM_M, WallGaps, wall_gaps
 
 __all__ = ["open_neighbours"]
 
@@ -40,8 +40,8 @@ def open_neighbours(
         part = 1.0 if rng.random() < config.whole_wall_share else rng.uniform(*config.open_part)
         stretch, middle = gaps.stretch(gap, part, rng.random()), gaps.thicknesses[gap] / 2
         halves = [
-            gaps.body(gap, stretch, -SIDE_M, middle),
-            gaps.body(gap, stretch, middle, 2 * middle + SIDE_M),
+            gaps.body(gap, stretch, -INTO_ROOM_M, middle),
+            gaps.body(gap, stretch, middle, 2 * middle + INTO_ROOM_M),
         ]
         pair = [int(owners[gaps.one[gap]]), int(owners[gaps.two[gap]])]
         one, two = shapely.simplify(shapely.union([rooms[k] for k in pair], halves), STRAIGHT_M)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from sgraph_concepts.types import FloatArray, IntArray
 
@@ -49,11 +49,10 @@ class Pieces:
         """Return the pieces with other endpoints; normals stay."""
         return Pieces(segments, self.normals, self.rooms, self.structural)
 
-    def parts(self, rows: list[int] | IntArray, segments: list | FloatArray) -> Pieces:  # type: ignore[type-arg]
-        """Return parts of pieces: from which row each is, and where it lies."""
-        return self.take(np.array(rows, np.int64)).moved(
-            np.array(segments, np.float64).reshape(-1, 2, 2)
-        )
+    def parts(self, rows: ArrayLike, segments: ArrayLike) -> Pieces:
+        """Return parts of pieces: of which row each is a part, [Q], and its ends, [Q, 2, 2]."""
+        ends = np.asarray(segments, np.float64).reshape(-1, 2, 2)
+        return self.take(np.asarray(rows, np.int64)).moved(ends)
 
     @staticmethod
     def joined(*parts: Pieces) -> Pieces:

@@ -27,7 +27,7 @@ from sgraph_core.synth.polygons import (
     rectangle,
     turn_left,
 )
-from sgraph_core.synth.walls import SIDE_M, wall_gaps
+from sgraph_core.synth.walls import INTO_ROOM_M, wall_gaps
 
 __all__ = ["Plan", "draw_plan"]
 
@@ -40,7 +40,8 @@ class Plan:
     """The rooms of a floor.
 
     Attributes:
-        rooms: outline of each room's free space; rooms are apart by the thickness of the walls.
+        rooms: each room's free space, apart by the thickness of the walls; columns and partitions
+            are holes.
         open_borders: where two rooms meet without a wall, [B, 2, 2].
     """
 
@@ -56,10 +57,10 @@ def draw_plan(rng: Generator, config: PlanConfig) -> Plan | None:
     )
     corridors, areas = _corridors(outline, thicknesses, rng, config)
     typical = _log_uniform(rng, config.room_area_m2)
-    spread, oblique = rng.choice(config.room_area_spread), rng.choice(config.oblique_share)
+    oblique = rng.choice(config.oblique_share)
     parts = list(corridors)
     for area in areas:
-        parts += _split(area, typical, spread, oblique, thicknesses, rng)
+        parts += _split(area, typical, oblique, thicknesses, rng, config)
     rooms = [room for room in map(clean, parts) if room is not None]
     rooms = _merge(rooms, rng.choice(config.merged_share), rng)
     rooms = _shape_rooms(rooms, rng, config)
@@ -154,15 +155,15 @@ def _point_across(area: Polygon, direction: FloatArray, rng: Generator) -> Float
 def _split(
     area: Polygon,
     typical_m2: float,
-    spread: float,
     oblique: float,
     thicknesses: FloatArray,
     rng: Generator,
+    config: PlanConfig,
 ) -> list[Polygon]:
     """Split an area by straight walls until its parts are about as large as rooms should be."""
 
     def wanted() -> float:
-        return float(typical_m2 * np.exp(rng.normal(0, spread)))
+        return float(typical_m2 * np.exp(rng.normal(0, config.room_area_spread)))
 
     rooms, waiting = [], [(area, wanted())]
     while waiting:
@@ -198,7 +199,7 @@ def _merge(rooms: list[Polygon], share: float, rng: Generator) -> list[Polygon]:
         chosen = int(rng.choice(possible))
         part = rng.uniform(0.5, 1) if rng.random() < 0.5 else 1.0
         stretch = gaps.stretch(chosen, part, rng.random())
-        opening = gaps.body(chosen, stretch, -SIDE_M, gaps.thicknesses[chosen] + SIDE_M)
+        opening = gaps.body(chosen, stretch, -INTO_ROOM_M, gaps.thicknesses[chosen] + INTO_ROOM_M)
         pair = {int(one[chosen]), int(two[chosen])}
         union = shapely.union_all([opening, *(rooms[k] for k in pair)])
         joined = clean(union) if isinstance(union, Polygon) else None

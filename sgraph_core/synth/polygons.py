@@ -9,6 +9,7 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from sgraph_concepts.types import FloatArray, IntArray
+from sgraph_core.geometry import cross
 
 __all__ = [
     "all_edges",
@@ -102,13 +103,14 @@ def cut(
 
 
 def chamfer(polygon: Polygon, rng: Generator, share: float) -> Polygon:
-    """Cut off some of a polygon's outer corners, by 0.4 to 3 m."""
-    corners = shapely.get_coordinates(polygon.exterior)[:-1]
+    """Cut off some of a polygon's convex corners, by 0.4 to 3 m."""
+    corners = shapely.get_coordinates(shapely.orient_polygons(polygon).exterior)[:-1]
     before, after = np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0)
+    convex = cross(corners - before, after - corners) > 0
     points = []
-    for corner, previous, following in zip(corners, before, after, strict=True):
+    for corner, previous, following, cuttable in zip(corners, before, after, convex, strict=True):
         room = 0.4 * min(np.linalg.norm(previous - corner), np.linalg.norm(following - corner))
-        if rng.random() < share and room > 0.4:
+        if cuttable and rng.random() < share and room > 0.4:
             size = rng.uniform(0.4, min(3.0, float(room)))
             for other in (previous, following):
                 points.append(corner + size * (other - corner) / np.linalg.norm(other - corner))

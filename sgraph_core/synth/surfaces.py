@@ -33,7 +33,7 @@ class Floor:
     """A floor as it was built.
 
     Attributes:
-        rooms: outline of each room's free space; columns and partitions are holes.
+        rooms: each room's free space; columns and partitions are holes.
         pieces: its surfaces, as far as openings leave them.
         passages: pairs of rooms that doors and open borders join, [D, 2].
         doorways: the middles of the passages, [D, 2].

@@ -13,14 +13,14 @@ from sgraph_concepts.types import FloatArray, IntArray
 from sgraph_core.geometry import dot, lines_of
 from sgraph_core.synth.polygons import turn_left
 
-__all__ = ["SIDE_M", "THICKEST_M", "WallGaps", "wall_gaps"]
+__all__ = ["INTO_ROOM_M", "THICKEST_M", "WallGaps", "wall_gaps"]
 
 THICKEST_M = 0.6
 THINNEST_M = 0.02
 LEAST_OVERLAP_M = 0.3
 OPPOSED = 0.97
-SIDE_M = 0.03
-"""Bodies reach this far beyond the sides of a wall, so that they meet the rooms beside it."""
+INTO_ROOM_M = 0.03
+"""What is taken out of a wall reaches this far into the rooms beside it, so that they join."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,6 +18,7 @@ from sgraph_core.synth.surfaces import draw_surfaces
 from sgraph_core.synth.walls import wall_gaps
 
 BARE = PlanConfig(
+    crooked_m=(0.0,),
     ring_corridor_share=0.0,
     column_share=(0.0,),
     partition_share=(0.0,),
@@ -89,9 +90,13 @@ def test_open_plan_neighbours_meet_without_a_wall_and_stay_different_rooms() -> 
             assert np.isin(meeting, pieces.rooms).all()
             ends = border[0] + np.array([[0.02], [0.98]]) * (border[1] - border[0])
             assert LineString(ends).distance(shell) > 1e-3
+    assert borders > 30
+
+
+def test_rooms_never_overlap() -> None:
+    for plan, _ in plans(20, chamfered_share=(0.5,), open_plan_share=(0.5,)):
         for one, two in zip(*shapely.STRtree(plan.rooms).query(plan.rooms), strict=True):
             assert one == two or plan.rooms[one].intersection(plan.rooms[two]).area < 1e-6
-    assert borders > 30
 
 
 def test_an_open_plan_floor_is_as_well_labelled_as_any() -> None:
@@ -110,7 +115,7 @@ def test_windows_interrupt_only_walls_with_the_outside_behind_them(facade_share:
     windows = 0
     for seed in range(12):
         rng = np.random.default_rng(seed)
-        plan = draw_plan(rng, BARE.model_copy(update={"crooked_m": (0.0,)}))
+        plan = draw_plan(rng, BARE)
         assert plan is not None
         pieces = draw_surfaces(plan, rng, fittings).pieces
         building = shapely.union_all(shapely.buffer(plan.rooms, 0.21, join_style="mitre"))

@@ -20,7 +20,9 @@ from sgraph_core.synth.polygons import all_edges
 from sgraph_core.synth.surfaces import Floor, draw_surfaces
 from sgraph_core.synth.trajectory import draw_poses
 
-SMALL = PlanConfig(floor_area_m2=(60.0, 400.0))
+SMALL = PlanConfig(floor_area_m2=(150.0, 400.0))
+ROUND = ViewConfig(visited_share=(0.3, 0.6))
+"""A robot that enters about half of the rooms."""
 
 
 def floor(seed: int, fittings: FittingConfig = FittingConfig()) -> Floor:  # noqa: B008
@@ -62,7 +64,7 @@ def points_on(pieces: Pieces, rows: NDArray[np.int64], rng: np.random.Generator)
 def test_exactly_what_some_pose_sees_is_mapped(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(occlusion, "SHORTEST_PIECE_M", 0.0)
     built, rng = floor(seed), np.random.default_rng(seed)
-    poses, pieces, range_m = draw_poses(built, rng, ViewConfig()), built.pieces, 4.0 + 2 * seed
+    poses, pieces, range_m = draw_poses(built, rng, ROUND), built.pieces, 4.0 + seed
     mapped = seen_from(poses, pieces, range_m)
     rows = rng.integers(len(pieces), size=150)
     points = points_on(pieces, rows, rng)
@@ -72,7 +74,7 @@ def test_exactly_what_some_pose_sees_is_mapped(seed: int, monkeypatch: pytest.Mo
         same_way = mapped.normals @ pieces.normals[row] > 1 - 1e-9
         near = shapely.distance(lines[same_way], shapely.Point(point)) < 1e-7
         assert near.any() == visible
-    assert 0.1 < seen.mean() < 1.0
+    assert 0 < seen.sum() < len(seen)
 
 
 def test_from_the_middle_of_a_closed_room_its_sides_are_seen_and_no_more() -> None:
@@ -86,9 +88,8 @@ def test_from_the_middle_of_a_closed_room_its_sides_are_seen_and_no_more() -> No
 
 def test_a_sensor_sees_as_far_as_its_range() -> None:
     seen = seen_from(np.array([[5.0, 3.0]]), sides(box(0, 0, 10, 10)), 5.0)
-    assert sorted(np.abs(seen.segments[:, 1] - seen.segments[:, 0]).sum(axis=1)) == pytest.approx(
-        [8.0]
-    )
+    assert np.linalg.norm(seen.segments[:, 1] - seen.segments[:, 0], axis=1) == pytest.approx([8.0])
+    assert len(seen_from(np.array([[5.0, 5.0]]), sides(box(0, 0, 10, 10)), 4.0)) == 0
 
 
 def test_a_column_hides_what_is_behind_it() -> None:
@@ -118,7 +119,7 @@ def test_poses_keep_their_distance_inside_and_around_the_building() -> None:
     for seed in range(8):
         built = floor(seed, FittingConfig(facade_share=1.0, furnished_share=(0.0,)))
         poses = draw_poses(built, np.random.default_rng(seed), ViewConfig())
-        free = shapely.union_all([*built.rooms, *shapely.buffer(built.rooms, 0.0)])
+        free = shapely.union_all(built.rooms)
         outside = ~shapely.contains_xy(free.buffer(0.5), poses)
         assert outside.any()
         away = shapely.distance(free, shapely.points(poses[outside]))
