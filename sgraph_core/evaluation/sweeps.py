@@ -31,6 +31,9 @@ PLAIN = BuildingConfig(
         chamfered_share=(0.0,),
         niche_share=(0.0,),
         crooked_m=(0.0,),
+        column_share=(0.0,),
+        partition_share=(0.0,),
+        open_plan_share=(0.0,),
     ),
     fittings=FittingConfig(
         door_share=(0.6,),
@@ -41,8 +44,11 @@ PLAIN = BuildingConfig(
         facade_share=0.0,
         door_leaf_share=(0.0,),
         furnished_share=(0.0,),
+        window_share=(0.0,),
     ),
     view=ViewConfig(
+        occluded_share=0.0,
+        drifted_share=0.0,
         through_share=(0.0,),
         fragmented_share=0.0,
         piece_gap_m=(0.0, 0.0),

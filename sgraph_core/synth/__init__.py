@@ -1,5 +1,8 @@
 """Synthetic buildings with their truth: what the network is trained on.
 
-``sgraph synth`` writes them as map files. The steps: a plan (:mod:`.plan`), its surfaces with doors
-and furniture (:mod:`.surfaces`), and what a robot would have mapped of them (:mod:`.view`).
+``sgraph synth`` writes them as map files. The steps: a plan of rooms (:mod:`.plan`, with
+:mod:`.interior` and :mod:`.open_plan`); its surfaces with their openings and clutter
+(:mod:`.surfaces`, :mod:`.openings`, :mod:`.clutter`); what a robot maps of them (:mod:`.view`, with
+:mod:`.trajectory` and :mod:`.occlusion`); drift and noise of the map (:mod:`.drift`,
+:mod:`.building`).
 """

@@ -7,15 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 from numpy.random import Generator
+from shapely import Polygon
 
 from sgraph_concepts.errors import InputError
 from sgraph_concepts.types import BuildingTruth, FloatArray, IntArray, SurfaceArrays
 from sgraph_core.geometry import lines_of, points_of
 from sgraph_core.graph import SGraph, TrueRoom, Truth
-from sgraph_core.synth.config import BuildingConfig
+from sgraph_core.synth.config import BuildingConfig, ViewConfig
+from sgraph_core.synth.drift import Drift
+from sgraph_core.synth.pieces import NO_ROOM, Pieces
 from sgraph_core.synth.plan import draw_plan
 from sgraph_core.synth.polygons import turn_left
-from sgraph_core.synth.surfaces import NO_ROOM, Pieces, draw_surfaces
+from sgraph_core.synth.surfaces import draw_surfaces
 from sgraph_core.synth.view import add_noise, draw_view, join_through
 from sgraph_core.synth.walls import wall_gaps
 
@@ -92,29 +95,31 @@ def draw_building(rng: Generator, config: BuildingConfig) -> Building:
         InputError: the configuration practically never yields one.
     """
     for _ in range(MOST_ATTEMPTS):
-        rooms = draw_plan(rng, config.plan)
-        if not rooms:
+        plan = draw_plan(rng, config.plan)
+        if plan is None:
             continue
-        pieces = draw_view(draw_surfaces(rooms, rng, config.fittings), rng, config.view)
+        pieces = draw_view(draw_surfaces(plan, rng, config.fittings), rng, config.view)
         if len(pieces) >= FEWEST_SURFACES:
-            polygons = [shapely.get_coordinates(room.exterior)[:-1] for room in rooms]
-            building = _map(pieces, polygons, rng, config)
+            building = _map(pieces, plan.rooms, rng, config.view)
             if len(building.segments) >= FEWEST_SURFACES:
                 return building
     raise InputError(f"no building came out of {MOST_ATTEMPTS} attempts: check the configuration")
 
 
-def _map(
-    pieces: Pieces, polygons: list[FloatArray], rng: Generator, config: BuildingConfig
-) -> Building:
-    """Turn pieces into mapped surfaces, in a random place and order."""
+def _map(pieces: Pieces, rooms: list[Polygon], rng: Generator, config: ViewConfig) -> Building:
+    """Turn pieces into mapped surfaces, drifted and noisy, in a random place and order."""
     placement = _Placement.draw(rng)
+    polygons = [shapely.get_coordinates(room.exterior)[:-1] for room in rooms]
     gaps = wall_gaps(pieces.segments, pieces.normals)
     structural = pieces.structural[gaps.one] & pieces.structural[gaps.two]
     sides = np.stack([gaps.one, gaps.two], axis=1)[structural]
-    owners = join_through(pieces, rng, rng.choice(config.view.through_share))
+    if rng.random() < config.drifted_share:
+        drift = Drift.draw(rooms, rng, config)
+        pieces = drift.drifted(pieces, rooms)
+        polygons = [drift.drifted_outline(p, room) for room, p in enumerate(polygons)]
+    owners = join_through(pieces, rng, rng.choice(config.through_share))
     segments, normals = _whole_surfaces(pieces, owners)
-    noisy, kept = add_noise(segments, rng, rng.choice(config.view.noise_m))
+    noisy, kept = add_noise(segments, rng, rng.choice(config.noise_m))
 
     number = np.full(len(kept), -1)
     number[kept] = rng.permutation(int(kept.sum()))

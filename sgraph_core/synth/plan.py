@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -11,7 +12,10 @@ from shapely import Polygon, box
 
 from sgraph_concepts.types import FloatArray
 from sgraph_core.synth.config import PlanConfig
+from sgraph_core.synth.interior import stand_columns, stand_partitions
+from sgraph_core.synth.open_plan import open_neighbours
 from sgraph_core.synth.polygons import (
+    all_edges,
     chamfer,
     clean,
     crook,
@@ -23,16 +27,30 @@ from sgraph_core.synth.polygons import (
     rectangle,
     turn_left,
 )
-from sgraph_core.synth.walls import wall_gaps
+from sgraph_core.synth.walls import INTO_ROOM_M, wall_gaps
 
-__all__ = ["draw_plan"]
+__all__ = ["Plan", "draw_plan"]
 
 NARROWEST_ROOM_M = 0.7
 SHORTEST_MERGE_M = 0.9
 
 
-def draw_plan(rng: Generator, config: PlanConfig) -> list[Polygon]:
-    """Return the free spaces of a floor's rooms, apart by the thickness of the walls."""
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """The rooms of a floor.
+
+    Attributes:
+        rooms: each room's free space, apart by the thickness of the walls; columns and partitions
+            are holes.
+        open_borders: where two rooms meet without a wall, [B, 2, 2].
+    """
+
+    rooms: list[Polygon]
+    open_borders: FloatArray
+
+
+def draw_plan(rng: Generator, config: PlanConfig) -> Plan | None:
+    """Draw a floor's rooms; None if no part of the floor is large enough for a room."""
     outline = _outline(rng, config)
     thicknesses = rng.uniform(
         *config.wall_thickness_m, size=rng.integers(*config.thicknesses, endpoint=True)
@@ -40,12 +58,16 @@ def draw_plan(rng: Generator, config: PlanConfig) -> list[Polygon]:
     corridors, areas = _corridors(outline, thicknesses, rng, config)
     typical = _log_uniform(rng, config.room_area_m2)
     oblique = rng.choice(config.oblique_share)
-    rooms = [clean(corridor) for corridor in corridors]
+    parts = list(corridors)
     for area in areas:
-        for room in _split(area, typical, oblique, thicknesses, rng, config):
-            rooms.append(clean(room))
-    merged = _merge([r for r in rooms if r is not None], rng.choice(config.merged_share), rng)
-    return _shape_rooms(merged, rng, config)
+        parts += _split(area, typical, oblique, thicknesses, rng, config)
+    rooms = [room for room in map(clean, parts) if room is not None]
+    rooms = _merge(rooms, rng.choice(config.merged_share), rng)
+    rooms = _shape_rooms(rooms, rng, config)
+    if not rooms:
+        return None
+    rooms = stand_partitions(stand_columns(rooms, rng, config), rng, config)
+    return Plan(*open_neighbours(rooms, rng, config))
 
 
 def _log_uniform(rng: Generator, interval: tuple[float, float]) -> float:
@@ -176,7 +198,8 @@ def _merge(rooms: list[Polygon], share: float, rng: Generator) -> list[Polygon]:
             break
         chosen = int(rng.choice(possible))
         part = rng.uniform(0.5, 1) if rng.random() < 0.5 else 1.0
-        opening = gaps.opening(chosen, part, rng.random())
+        stretch = gaps.stretch(chosen, part, rng.random())
+        opening = gaps.body(chosen, stretch, -INTO_ROOM_M, gaps.thicknesses[chosen] + INTO_ROOM_M)
         pair = {int(one[chosen]), int(two[chosen])}
         union = shapely.union_all([opening, *(rooms[k] for k in pair)])
         joined = clean(union) if isinstance(union, Polygon) else None
@@ -219,14 +242,3 @@ def _add_pilasters(room: Polygon, rng: Generator) -> Polygon:
         if isinstance(smaller, Polygon) and smaller.area > 0.6 * room.area:
             room = smaller
     return room
-
-
-def all_edges(rooms: list[Polygon]) -> tuple[FloatArray, FloatArray, np.ndarray]:
-    """Return the edges of all rooms, their inward normals, and each edge's room."""
-    per_room = [edges(room) for room in rooms]
-    owners = np.repeat(np.arange(len(rooms)), [len(segments) for segments, _ in per_room])
-    return (
-        np.concatenate([segments for segments, _ in per_room]),
-        np.concatenate([normals for _, normals in per_room]),
-        owners,
-    )

@@ -8,9 +8,11 @@ from numpy.random import Generator
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from sgraph_concepts.types import FloatArray
+from sgraph_concepts.types import FloatArray, IntArray
+from sgraph_core.geometry import cross
 
 __all__ = [
+    "all_edges",
     "chamfer",
     "clean",
     "crook",
@@ -53,13 +55,19 @@ def clean(geometry: BaseGeometry) -> Polygon | None:
 
 def edges(polygon: Polygon) -> tuple[FloatArray, FloatArray]:
     """Return the edges of a polygon [E, 2, 2] and their normals [E, 2], which point inwards."""
-    oriented = shapely.orient_polygons(polygon)
-    rings = [shapely.get_coordinates(ring) for ring in (oriented.exterior, *oriented.interiors)]
-    segments = np.concatenate([np.stack([ring[:-1], ring[1:]], axis=1) for ring in rings])
+    return all_edges([polygon])[:2]
+
+
+def all_edges(rooms: list[Polygon]) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Return the edges of all rooms [E, 2, 2], their inward normals, and each edge's room [E]."""
+    rings, room_of_ring = shapely.get_rings(shapely.orient_polygons(rooms), return_index=True)
+    corners, ring = shapely.get_coordinates(rings, return_index=True)
+    segments = np.stack([corners[:-1], corners[1:]], axis=1)
     along = segments[:, 1] - segments[:, 0]
     length = np.linalg.norm(along, axis=1)
-    kept = length > SHORTEST_EDGE_M
-    return segments[kept], turn_left(along[kept] / length[kept, None])
+    kept = (ring[:-1] == ring[1:]) & (length > SHORTEST_EDGE_M)
+    normals = turn_left(along[kept] / length[kept, None])
+    return segments[kept], normals, room_of_ring[ring[:-1][kept]]
 
 
 def turn_left(vectors: FloatArray) -> FloatArray:
@@ -95,13 +103,14 @@ def cut(
 
 
 def chamfer(polygon: Polygon, rng: Generator, share: float) -> Polygon:
-    """Cut off some of a polygon's outer corners, by 0.4 to 3 m."""
-    corners = shapely.get_coordinates(polygon.exterior)[:-1]
+    """Cut off some of a polygon's convex corners, by 0.4 to 3 m."""
+    corners = shapely.get_coordinates(shapely.orient_polygons(polygon).exterior)[:-1]
     before, after = np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0)
+    convex = cross(corners - before, after - corners) > 0
     points = []
-    for corner, previous, following in zip(corners, before, after, strict=True):
+    for corner, previous, following, cuttable in zip(corners, before, after, convex, strict=True):
         room = 0.4 * min(np.linalg.norm(previous - corner), np.linalg.norm(following - corner))
-        if rng.random() < share and room > 0.4:
+        if cuttable and rng.random() < share and room > 0.4:
             size = rng.uniform(0.4, min(3.0, float(room)))
             for other in (previous, following):
                 points.append(corner + size * (other - corner) / np.linalg.norm(other - corner))

@@ -1,4 +1,4 @@
-"""What a robot maps of a building: pieces, some missing, cut short, doubled, noisy."""
+"""What a robot maps of a building: what it sees, in pieces, some missing, cut short, doubled."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from numpy.typing import NDArray
 from sgraph_concepts.types import FloatArray, IntArray
 from sgraph_core.geometry import dot, points_of
 from sgraph_core.synth.config import ViewConfig
-from sgraph_core.synth.surfaces import SHORTEST_PIECE_M, Pieces
+from sgraph_core.synth.occlusion import seen_from
+from sgraph_core.synth.pieces import SHORTEST_PIECE_M, Pieces
+from sgraph_core.synth.surfaces import Floor
+from sgraph_core.synth.trajectory import draw_poses
 
 __all__ = ["add_noise", "draw_view", "join_through"]
 
@@ -20,8 +23,13 @@ THROUGH_GAP_M = 0.5
 """Surfaces are mapped as one over gaps up to this: the end of a wall between two rooms."""
 
 
-def draw_view(pieces: Pieces, rng: Generator, config: ViewConfig) -> Pieces:
-    """Return what is mapped of the surfaces, free of noise."""
+def draw_view(floor: Floor, rng: Generator, config: ViewConfig) -> Pieces:
+    """Return what is mapped of a floor's surfaces, free of drift and noise."""
+    pieces = floor.pieces
+    if rng.random() < config.occluded_share:
+        pieces = seen_from(
+            draw_poses(floor, rng, config), pieces, rng.uniform(*config.sensor_range_m)
+        )
     if rng.random() < config.fragmented_share:
         pieces = _fragment(pieces, rng, config)
     pieces = pieces.take(rng.random(len(pieces)) >= rng.choice(config.missing_share))
@@ -46,9 +54,7 @@ def _fragment(pieces: Pieces, rng: Generator, config: ViewConfig) -> Pieces:
             if (shortened - low) * length > SHORTEST_PIECE_M:
                 rows.append(row)
                 segments.append([start + low * (end - start), start + shortened * (end - start)])
-    if not rows:
-        return pieces
-    return pieces.take(np.array(rows)).moved(np.array(segments))
+    return pieces.parts(rows, segments)
 
 
 def _crop(pieces: Pieces, rng: Generator, share: float) -> Pieces:

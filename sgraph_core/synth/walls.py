@@ -6,18 +6,21 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely import Polygon
 
 from sgraph_concepts.types import FloatArray, IntArray
 from sgraph_core.geometry import dot, lines_of
 from sgraph_core.synth.polygons import turn_left
 
-__all__ = ["THICKEST_M", "WallGaps", "wall_gaps"]
+__all__ = ["INTO_ROOM_M", "THICKEST_M", "WallGaps", "wall_gaps"]
 
 THICKEST_M = 0.5
 THINNEST_M = 0.02
 LEAST_OVERLAP_M = 0.3
 OPPOSED = np.cos(np.radians(11.5))
+INTO_ROOM_M = 0.03
+"""What is taken out of a wall reaches this far into the rooms beside it, so that they join."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,24 +46,38 @@ class WallGaps:
         """Lengths of the wall bodies, [G]."""
         return np.asarray(np.linalg.norm(self.ends - self.starts, axis=1))
 
-    def opening(self, row: int, share: float, where: float) -> Polygon:
-        """Return the body of an opening of ``share`` of a wall, ``where`` of the way along it."""
+    def __len__(self) -> int:
+        return len(self.one)
+
+    def take(self, rows: IntArray | NDArray[np.bool_]) -> WallGaps:
+        """Return the given rows, by index or mask."""
+        return WallGaps(
+            self.one[rows],
+            self.two[rows],
+            self.starts[rows],
+            self.ends[rows],
+            self.inwards[rows],
+            self.thicknesses[rows],
+        )
+
+    def stretch(self, row: int, share: float, where: float) -> FloatArray:
+        """Return both ends of ``share`` of a wall, ``where`` of the way along it, [2, 2]."""
         start, along = self.starts[row], self.ends[row] - self.starts[row]
-        first, last = (
-            start + where * (1 - share) * along,
-            start + (share + where * (1 - share)) * along,
-        )
-        before, behind = (
-            -0.02 * self.inwards[row],
-            (self.thicknesses[row] + 0.04) * self.inwards[row],
-        )
-        return Polygon([first + before, last + before, last + behind, first + behind])
+        first = where * (1 - share)
+        return np.stack([start + first * along, start + (first + share) * along])
+
+    def body(self, row: int, stretch: FloatArray, low_m: float, high_m: float) -> Polygon:
+        """Return what lies along a stretch of a wall between two depths below its first side."""
+        first, last = stretch
+        low, high = low_m * self.inwards[row], high_m * self.inwards[row]
+        return Polygon([first + low, last + low, last + high, first + high])
 
 
 def wall_gaps(segments: FloatArray, normals: FloatArray) -> WallGaps:
     """Return where surfaces lie back to back over at least 0.3 m, 0.02 to 0.5 m apart there."""
     lines = lines_of(segments)
-    one, two = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=THICKEST_M)
+    reach = THICKEST_M * np.array([-1, -1, 1, 1])
+    one, two = shapely.STRtree(lines).query(shapely.box(*(shapely.bounds(lines) + reach).T))
     opposed = (one < two) & (dot(normals[one], normals[two]) < -OPPOSED)
     one, two = one[opposed], two[opposed]
     tangent, middle = turn_left(normals[one]), segments[one].mean(axis=1)

@@ -14,11 +14,14 @@ from sgraph_core.evaluation.scores import score_floor
 from sgraph_core.preprocess import preprocess
 from sgraph_core.synth.building import Building, draw_building
 from sgraph_core.synth.config import BuildingConfig, FittingConfig, PlanConfig, ViewConfig
+from sgraph_core.synth.plan import draw_plan
 
 CLEAN = BuildingConfig(
     plan=PlanConfig(crooked_m=(0.0,)),
     fittings=FittingConfig(door_share=(0.0,), door_leaf_share=(0.0,), furnished_share=(0.0,)),
     view=ViewConfig(
+        occluded_share=0.0,
+        drifted_share=0.0,
         through_share=(0.0,),
         fragmented_share=0.0,
         missing_share=(0.0,),
@@ -61,7 +64,7 @@ def test_without_noise_surfaces_are_the_outlines_of_their_rooms(seed: int) -> No
             on_outline = segment.hausdorff_distance(
                 segment.intersection(outline.exterior.buffer(1e-3))
             )
-            on_hole = outline.contains(segment)  # of a ring corridor, whose hole is not drawn
+            on_hole = outline.contains(segment)  # holes of a room are not drawn
             assert on_outline < 1e-2 or on_hole
             assert outline.contains(shapely.Point(in_front))
 
@@ -87,6 +90,16 @@ def test_buildings_vary_in_the_documented_ways() -> None:
     assert any(len(np.unique(b.owners)) < len(b.owners) for b in drawn), "no surface through rooms"
     assert any((b.pieces.rooms < 0).any() for b in drawn), "no facade and no clutter"
     assert not all((b.pieces.rooms < 0).any() for b in drawn), "always a facade or clutter"
+
+
+def test_one_floor_may_have_rooms_from_toilets_to_halls() -> None:
+    areas = []
+    for seed in range(60):
+        plan = draw_plan(np.random.default_rng(seed), PlanConfig())
+        areas.append([room.area for room in plan.rooms] if plan else [])
+    assert any(area < 1.5 for floor in areas for area in floor)
+    assert any(area > 200 for floor in areas for area in floor)
+    assert any(min(floor) < 3 and max(floor) > 100 for floor in areas if floor)
 
 
 def test_fragments_of_a_surface_through_rooms_know_their_own_room() -> None:
@@ -118,6 +131,8 @@ def test_ingredients_are_checked() -> None:
         PlanConfig(aspect=(3.0, 1.0))
     with pytest.raises(ValidationError, match="less than or equal to 1"):
         FittingConfig(facade_share=2)
+    with pytest.raises(ValidationError, match="greater than 0"):
+        ViewConfig(pose_spacing_m=(0.0, 1.0))
     with pytest.raises(ValidationError, match="Extra inputs"):
         BuildingConfig.model_validate_json(json.dumps({"roof": 1}))
 

@@ -18,6 +18,7 @@ from sgraph_core.features import edge_index
 from sgraph_core.network.runtime import Network
 from sgraph_core.proximity import build_scene
 from sgraph_core.settings import read_settings
+from sgraph_core.synth.config import BuildingConfig, PlanConfig
 from sgraph_core.training import trainer
 from sgraph_core.training.config import TrainingConfig, config_file
 from sgraph_core.training.samples import sample_floor
@@ -186,7 +187,11 @@ def test_labellers_that_return_nonsense_are_named(labeller: str, message: str) -
 
 
 def test_labels_cover_true_pairs_among_the_scenes_pairs() -> None:
-    sample = sample_floor(np.random.default_rng(1), SMALL, ["room", "wall"], installed())
+    no_wall_inside_a_room = PlanConfig(
+        merged_share=(0.0,), niche_share=(0.0,), column_share=(0.0,), partition_share=(0.0,)
+    )
+    config = SMALL.model_copy(update={"building": BuildingConfig(plan=no_wall_inside_a_room)})
+    sample = sample_floor(np.random.default_rng(1), config, ["room", "wall"], installed())
     count = sample.edge_index.shape[1] // 2
     assert sample.labels["room"].shape == sample.labels["wall"].shape == (count,)
     assert 0 < sample.labels["room"].mean() < 1
