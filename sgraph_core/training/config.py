@@ -12,7 +12,7 @@ from sgraph_core.features import FeatureSet
 from sgraph_core.proximity import Neighbours
 from sgraph_core.synth.config import BuildingConfig
 
-__all__ = ["TrainingConfig", "config_file"]
+__all__ = ["PAPER", "TrainingConfig", "config_file"]
 
 PAPER = "paper"
 """Name of the settings that reproduce the paper's network, neighbours and layouts."""

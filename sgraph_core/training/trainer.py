@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import importlib.resources
+import io
 import json
 import platform
 from collections.abc import Iterator, Mapping, Sequence
@@ -130,7 +131,7 @@ def _trainable(registry: Registry, concept: str | None) -> list[str]:
 def _claim(folder: Path, config: TrainingConfig, names: Sequence[str], resume: bool) -> None:
     """Make sure that a folder's files are those of this run, wherever it is to stop."""
     settings = config.model_dump(mode="json", exclude={"stop"})
-    run = {"config": settings, "concepts": list(names)}
+    run = {"encoder": ENCODER_VERSION, "concepts": list(names), "config": settings}
     claim, wanted = folder / "run.json", json.dumps(run, indent=1)
     if claim.exists():
         if not resume:
@@ -139,7 +140,8 @@ def _claim(folder: Path, config: TrainingConfig, names: Sequence[str], resume: b
             )
         if claim.read_text() != wanted:
             raise TrainingError(
-                f"{folder} holds a run of another configuration: {claim} says which"
+                f"{folder} holds a run of another configuration, or of other features: "
+                f"{claim} says which"
             )
     elif resume:
         raise TrainingError(f"{folder} holds no training run to resume")
@@ -304,7 +306,9 @@ class _Run:
             "schedule": self._schedule.state_dict(),
             "history": self.history,
         }
-        write_whole(path, lambda temporary: torch.save(state, temporary))
+        content = io.BytesIO()  # torch's own writer does not say that a disk is full
+        torch.save(state, content)
+        write_whole(path, lambda temporary: temporary.write_bytes(content.getvalue()))
 
     def load(self, path: Path) -> None:
         """Go on from a checkpoint, if there is one yet.
@@ -386,15 +390,15 @@ def _versions(*distributions: str) -> Iterator[tuple[str, str]]:
 
 
 def _write(folder: Path, run: _Run, record: Mapping[str, Any], names: Sequence[str]) -> None:
-    from safetensors.torch import save_file
+    from safetensors.torch import save
 
     if not run.frozen:
         export_encoder(
             run.encoder, folder / "encoder.onnx", run.config.features, run.config.neighbours
         )
+        tensors = save(run.encoder.state_dict())
         write_whole(
-            folder / "encoder.safetensors",
-            lambda temporary: save_file(run.encoder.state_dict(), temporary),
+            folder / "encoder.safetensors", lambda temporary: temporary.write_bytes(tensors)
         )
     for name in names:
         head = run.heads[name]

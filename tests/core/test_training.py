@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 from pathlib import Path
 
@@ -105,6 +106,14 @@ def test_another_run_is_not_overwritten(trained: Path) -> None:
         trainer.train(other, trained, installed(), resume=True)
 
 
+def test_a_run_of_other_features_is_not_resumed(
+    trained: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(trainer, "ENCODER_VERSION", "2")
+    with pytest.raises(TrainingError, match="or of other features"):
+        trainer.train(SMALL, trained, installed(), resume=True)
+
+
 def test_there_must_be_something_to_resume(tmp_path: Path) -> None:
     with pytest.raises(TrainingError, match="no training run to resume"):
         trainer.train(SMALL, tmp_path, installed(), resume=True)
@@ -136,6 +145,28 @@ def test_a_diverging_loss_ends_the_run_and_keeps_the_checkpoint(
         trainer.train(SMALL, tmp_path, installed())
     state = torch.load(tmp_path / "checkpoint.pt", weights_only=True)
     assert state["step"] == 2
+
+
+def test_a_full_disk_is_named_and_keeps_the_last_checkpoint(
+    tmp_path: Path, trained: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(trainer, "STEPS_PER_CHECKPOINT", 2)
+    (tmp_path / "floors").symlink_to(trained / "floors")
+    write, written = Path.write_bytes, []
+
+    def write_until_full(path: Path, content: bytes) -> int:
+        if "checkpoint" in path.name:
+            if written:
+                write(path, content[:100])
+                raise OSError(errno.ENOSPC, "No space left on device")
+            written.append(path)
+        return write(path, content)
+
+    monkeypatch.setattr(Path, "write_bytes", write_until_full)
+    with pytest.raises(OSError, match=r"No space left on device: .*checkpoint\.pt"):
+        trainer.train(SMALL, tmp_path, installed())
+    assert torch.load(tmp_path / "checkpoint.pt", weights_only=True)["step"] == 2
+    assert {file.name for file in tmp_path.iterdir()} == {"checkpoint.pt", "floors", "run.json"}
 
 
 def test_one_head_is_trained_on_the_shipped_encoder(tmp_path: Path) -> None:

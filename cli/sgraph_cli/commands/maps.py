@@ -26,8 +26,12 @@ def synth(
     count: Annotated[int, typer.Option(min=1, help="How many maps.")] = 1,
     seed: Annotated[int, typer.Option(min=0, help="Equal seeds give equal maps.")] = 0,
     config: Annotated[
-        Path | None,
-        typer.Option(help="JSON file with the ingredients (docs/synthetic-buildings.md)."),
+        str | None,
+        typer.Option(
+            metavar="FILE|paper",
+            help="JSON file with the ingredients (docs/synthetic-buildings.md), or the paper's "
+            "kind of layouts.",
+        ),
     ] = None,
 ) -> None:
     """Write synthetic buildings with their truth as map files."""
@@ -37,8 +41,12 @@ def synth(
     from sgraph_core.settings import read_settings
     from sgraph_core.synth.building import draw_building
     from sgraph_core.synth.config import BuildingConfig
+    from sgraph_core.training.config import PAPER, TrainingConfig, config_file
 
-    building_config = read_settings(config, BuildingConfig)
+    if config == PAPER:
+        building_config = read_settings(config_file(PAPER), TrainingConfig).building
+    else:
+        building_config = read_settings(config_file(config), BuildingConfig)
     output.mkdir(parents=True, exist_ok=True)
     with progress() as report:
         for number in range(count):
