@@ -83,7 +83,7 @@ class PlanConfig(_Config):
         default=(3.5, 8.0), description="Spacing of the grid that columns stand on."
     )
     partition_share: Choices = Field(
-        default=(0.0, 0.0, 0.0, 0.3),
+        default=(0.0, 0.0, 0.0, 0.1),
         description="Rooms of 25 m2 or more with free-standing partitions; one is drawn per "
         "building.",
     )
@@ -92,7 +92,7 @@ class PlanConfig(_Config):
         default=(0.05, 0.15), description="Thickness of partitions."
     )
     open_plan_share: Choices = Field(
-        default=(0.0, 0.0, 0.0, 0.1),
+        default=(0.0, 0.0, 0.0, 0.03),
         description="Neighbouring rooms whose common wall is missing; one is drawn per building.",
     )
     open_part: Sizes = Field(

@@ -35,9 +35,9 @@ class TrainingConfig(BaseModel):
     validation_floors: int = Field(default=100, ge=1, description="Further floors to validate on.")
     steps: int = Field(default=600, ge=1, description="Steps of the one-cycle schedule.")
     stop: int | None = Field(
-        default=300,
+        default=None,
         ge=1,
-        description="Step after which training stops, if the schedule is longer.",
+        description="Step after which training stops; at the end of the schedule if not given.",
     )
     floors_per_step: int = Field(default=24, ge=1, description="Floors in one batch.")
     learning_rate: float = Field(default=2e-3, gt=0, description="Peak of the one-cycle schedule.")
@@ -58,4 +58,4 @@ class TrainingConfig(BaseModel):
     @property
     def last_step(self) -> int:
         """The step after which training stops."""
-        return min(self.stop or self.steps, self.steps)
+        return self.steps if self.stop is None else min(self.stop, self.steps)

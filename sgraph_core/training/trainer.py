@@ -72,11 +72,11 @@ def train(
     """
     _require_extra()
     names = _trainable(registry, concept)
-    folder.mkdir(parents=True, exist_ok=True)
+    encoder = None if concept is None else _shipped_encoder(config)
     _claim(folder, config, names, resume)
     samples = _make_all(config, names, folder, progress)
     with _repeatable(config.seed):
-        run = _Run.new(config, names, registry, concept, samples.training)
+        run = _Run.new(config, names, registry, encoder, samples.training)
         if resume:
             run.load(folder / CHECKPOINT)
         for step in range(run.step, config.last_step):
@@ -145,6 +145,7 @@ def _claim(folder: Path, config: TrainingConfig, names: Sequence[str], resume: b
             )
     elif resume:
         raise TrainingError(f"{folder} holds no training run to resume")
+    folder.mkdir(parents=True, exist_ok=True)
     write_whole(claim, lambda temporary: temporary.write_text(wanted))
 
 
@@ -236,22 +237,20 @@ class _Run:
         config: TrainingConfig,
         names: Sequence[str],
         registry: Registry,
-        concept: str | None,
+        frozen: Encoder | None,
         samples: Sequence[Sample],
     ) -> _Run:
-        if concept is None:
-            encoder = Encoder(config.hidden, config.layers, config.features)
+        encoder = frozen or Encoder(config.hidden, config.layers, config.features)
+        if frozen is None:
             initialise(encoder)
             _set_normalisation(encoder, samples)
-        else:
-            encoder = _shipped_encoder(config)
         heads = {}
         for name in names:
             spec = registry[name].spec.head
             assert spec is not None  # _trainable saw to it
             heads[name] = Head(encoder.hidden, spec.hidden)
             initialise(heads[name])
-        return cls(config, encoder, heads, frozen=concept is not None)
+        return cls(config, encoder, heads, frozen is not None)
 
     def learn(self, batch: _Batch) -> None:
         """Take one step.
@@ -350,18 +349,17 @@ def _shipped_encoder(run: TrainingConfig) -> Encoder:
 
     folder = importlib.resources.files("sgraph_core") / "weights"
     try:
-        record = json.loads((folder / RECORD).read_text())
+        made_with = json.loads((folder / RECORD).read_text())["config"]
         state = load((folder / "encoder.safetensors").read_bytes())
     except OSError as error:
         raise WeightsError(f"the shipped encoder cannot be read: {error}") from error
-    config = TrainingConfig.model_validate(record["config"])
     for name in ("features", "neighbours"):
-        wanted, given = getattr(config, name), getattr(run, name)
+        wanted, given = made_with[name], getattr(run, name)
         if wanted != given:
             raise TrainingError(
                 f"{name} = {given!r}: must be {wanted!r}, as for the shipped encoder"
             )
-    encoder = Encoder(config.hidden, config.layers, config.features)
+    encoder = Encoder(made_with["hidden"], made_with["layers"], made_with["features"])
     encoder.load_state_dict(state)
     return encoder.eval()
 

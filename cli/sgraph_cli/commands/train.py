@@ -26,7 +26,10 @@ def train(
         int | None, typer.Option(min=1, help="Training floors, instead of the settings'.")
     ] = None,
     steps: Annotated[
-        int | None, typer.Option(min=1, help="Optimiser steps, instead of the settings'.")
+        int | None, typer.Option(min=1, help="Length of the schedule, instead of the settings'.")
+    ] = None,
+    stop: Annotated[
+        int | None, typer.Option(min=1, help="Stop after this step of the schedule.")
     ] = None,
     concept: Annotated[
         str | None,
@@ -38,14 +41,15 @@ def train(
 ) -> None:
     """Train encoder and heads on synthetic buildings.
 
-    An interrupted run goes on with --resume, and ends with the same weights.
+    An interrupted run goes on with --resume, and ends with the same weights; a run that has stopped
+    goes on to a later --stop.
     """
     from sgraph_core.concepts import installed
     from sgraph_core.settings import read_settings
     from sgraph_core.training.config import TrainingConfig, config_file
     from sgraph_core.training.trainer import train as run
 
-    given = {"seed": seed, "floors": floors, "steps": steps}
+    given = {"seed": seed, "floors": floors, "steps": steps, "stop": stop}
     settings = read_settings(config_file(config), TrainingConfig)
     changed = {name: value for name, value in given.items() if value is not None}
     settings = TrainingConfig.model_validate({**settings.model_dump(), **changed})
