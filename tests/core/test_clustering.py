@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import heapq
 from collections.abc import Iterable
 from itertools import combinations
+from typing import Any
 
 import networkx as nx
 import numpy as np
@@ -161,6 +163,35 @@ def test_multicut_is_never_worse_than_connected_components(
     found = value(multicut(count, pairs, weights))
     assert found >= value(nx.connected_components(graph)) - 1e-9
     assert found >= 0  # nor than leaving everything alone
+
+
+def test_the_work_of_multicut_grows_with_the_map_and_no_faster(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pushed = 0
+    push = heapq.heappush
+
+    def count(*args: Any) -> None:
+        nonlocal pushed
+        pushed += 1
+        push(*args)
+
+    monkeypatch.setattr("sgraph_core.clustering.multicut.heapq.heappush", count)
+
+    def work(rooms: int) -> int:
+        """Return the pushes for a corridor's row of rooms of ten, each opposed to the next."""
+        nonlocal pushed
+        pushed = 0
+        inside = [
+            pair for k in range(rooms) for pair in combinations(range(10 * k, 10 * k + 10), 2)
+        ]
+        across = [(10 * k + a, 10 * k + 10 + a) for k in range(rooms - 1) for a in range(10)]
+        weights = np.random.default_rng(0).normal(1, 0.2, len(inside)), np.full(len(across), -1.0)
+        groups = multicut(10 * rooms, np.array(inside + across), np.concatenate(weights))
+        assert len(groups) == rooms
+        return pushed
+
+    assert work(400) <= 4.2 * work(100)
 
 
 def test_multicut_finds_clear_partitions_exactly() -> None:
