@@ -33,7 +33,7 @@ def find_sources(paths: Sequence[Path], lists: Sequence[Path] = ()) -> list[Sour
         paths: map files, or folders of them.
         lists: text files with the name of a map (its file's name without suffix) per line; empty
             lines and lines that begin with # do not count. Names of maps that are not there are
-            passed over, so that one list serves several folders; :func:`absent_names` tells them.
+            passed over, so that one list serves several folders; see :func:`absent_names`.
 
     Raises:
         InputError: a folder holds no map, a list cannot be read, or none of its names is there.
@@ -53,7 +53,7 @@ def find_sources(paths: Sequence[Path], lists: Sequence[Path] = ()) -> list[Sour
 
 
 def absent_names(paths: Sequence[Path], lists: Sequence[Path]) -> dict[Path, list[str]]:
-    """Return which names of each list are of no map in any of the paths; none is left out.
+    """Return the names that are of no map in any of the paths, sorted, by the list they stand in.
 
     Raises:
         InputError: as :func:`find_sources` does.
