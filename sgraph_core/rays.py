@@ -94,14 +94,14 @@ class Rays:
         for may_meet in (_corners_on_both_sides, _reaches_between):
             meets = may_meet(corners.take(pair, axis=2), obstacles.ends.take(obstacle, axis=2))
             pair, obstacle = pair[meets], obstacle[meets]
-        crosses = self._cross(pair, obstacles.ends.take(obstacle, axis=2))
+        crosses = self._crossings(pair, obstacles.ends.take(obstacle, axis=2))
         hit, ray = np.nonzero(crosses)
         narrowest = np.full(self.valid.size, np.inf)
         rows = pair[hit] * self.valid.shape[1] + ray
         np.minimum.at(narrowest, rows, obstacles.widths[obstacle[hit]])
         return narrowest.reshape(self.valid.shape)
 
-    def _cross(self, pair: IntArray, segments: FloatArray) -> NDArray[np.bool_]:
+    def _crossings(self, pair: IntArray, segments: FloatArray) -> NDArray[np.bool_]:
         """Return which rays of each pair cross its segment, [P'] and [2, 2, P'] to [P', R]."""
         # A ray start + u * direction crosses the segment first + v * along where 0 <= u, v <= 1.
         direction = self.directions.take(pair, axis=1)

@@ -29,4 +29,5 @@ def read_settings(path: Traversable | None, kind: type[Settings]) -> Settings:
     except ValidationError as error:
         problem = error.errors(include_url=False)[0]
         place = ".".join(map(str, problem["loc"]))
-        raise InputError(f"{path}: {place}: {problem['msg']}") from error
+        parts = (str(path), place, problem["msg"])
+        raise InputError(": ".join(part for part in parts if part)) from error

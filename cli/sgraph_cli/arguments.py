@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from sgraph_cli.console import note
+
 if TYPE_CHECKING:
     from sgraph_core.graph import SGraph
 
-__all__ = ["ScorerName", "Weights", "by_concept", "load_map"]
+__all__ = [
+    "ScorerName",
+    "Weights",
+    "by_concept",
+    "load_map",
+    "refuse_beside",
+    "warn_about_lists",
+]
 
 Weights = Annotated[
     Path | None,
@@ -42,6 +51,29 @@ def by_concept(choices: Sequence[str], option: str) -> dict[str, str]:
                 f"{concept + equals + choice!r} must be CONCEPT=NAME", param_hint=option
             )
     return {concept: choice for concept, _, choice in pairs}
+
+
+def refuse_beside(option: str, others: Mapping[str, object]) -> None:
+    """Refuse what an option leaves without effect.
+
+    Args:
+        option: the option, which was given.
+        others: values of other options by name; one that is false or None was not given.
+
+    Raises:
+        typer.BadParameter: another one was given too.
+    """
+    for other, value in others.items():
+        if value:
+            raise typer.BadParameter(f"cannot be combined with {option}", param_hint=other)
+
+
+def warn_about_lists(paths: Sequence[Path], lists: Sequence[Path]) -> None:
+    """Say on stderr which names of lists are of no map in any of the paths."""
+    from sgraph_core.evaluation.sources import absent_names
+
+    for file, names in absent_names(paths, lists).items():
+        note(f"sgraph: warning: {file}: no PATH holds {', '.join(names)}")
 
 
 def load_map(path: Path) -> SGraph:

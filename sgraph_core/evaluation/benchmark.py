@@ -74,7 +74,11 @@ def time_stages(
 
 
 def growth(times: Sequence[StageTimes]) -> float:
-    """Return the exponent k with which total time grows as surfaces^k, by least squares."""
+    """Return the exponent k with which total time grows as surfaces^k, by least squares.
+
+    Args:
+        times: of maps of two sizes or more.
+    """
     surfaces, totals = zip(*((t.surfaces, t.total) for t in times), strict=True)
     return float(np.polyfit(np.log(surfaces), np.log(totals), 1)[0])
 

@@ -16,8 +16,7 @@ from sgraph_core.clustering.confidence import evidence
 from sgraph_core.detector import Detector
 from sgraph_core.evaluation.calibration import same_room, same_wall
 from sgraph_core.evaluation.scores import Judged, score_floor
-from sgraph_core.evaluation.sources import find_sources
-from sgraph_core.map_file import load
+from sgraph_core.evaluation.sources import find_sources, load_with_truth
 
 __all__ = ["Outcomes", "fit_confidence", "fit_relation", "gather_outcomes"]
 
@@ -60,10 +59,8 @@ def gather_outcomes(
     outcomes = {"room": Outcomes(), "wall": Outcomes()}
     files = [file for source in find_sources(paths, only) for file in source.files]
     for done, file in enumerate(files, start=1):
-        trace = detector.trace(load(file))
-        truth = trace.graph.truth
-        if truth is None:
-            raise InputError(f"{file}: has no truth to evaluate against")
+        graph, truth = load_with_truth(file)
+        trace = detector.trace(graph)
         judged = score_floor(trace.graph, truth).judged
         surfaces = trace.scene.surfaces.ids[trace.scene.pairs]
         for concept, look_up in (("room", same_room), ("wall", same_wall)):

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from sgraph_concepts.errors import InputError
 from sgraph_concepts.types import FloatArray
 from sgraph_core.detector import Detector
 from sgraph_core.evaluation.calibration import (
@@ -19,9 +18,8 @@ from sgraph_core.evaluation.calibration import (
     nodes_calibration,
 )
 from sgraph_core.evaluation.scores import Counts, FloorScore, score_floor
-from sgraph_core.evaluation.sources import find_sources
+from sgraph_core.evaluation.sources import find_sources, load_with_truth
 from sgraph_core.evaluation.trajectory import trajectory_error
-from sgraph_core.map_file import load
 
 __all__ = ["FloorReport", "SourceReport", "as_rows", "evaluate"]
 
@@ -139,10 +137,7 @@ def evaluate(
 def _evaluate_floor(
     file: Path, detector: Detector | None, reference: Trajectory | None
 ) -> FloorReport:
-    graph = load(file)
-    truth = graph.truth
-    if truth is None:
-        raise InputError(f"{file}: has no truth to evaluate against")
+    graph, truth = load_with_truth(file)
     seconds, edges = float("nan"), Calibration()
     if detector is not None:
         start = time.perf_counter()

@@ -8,7 +8,7 @@ from shapely import Polygon
 
 from sgraph_concepts.types import FloatArray
 from sgraph_core.synth.config import FittingConfig
-from sgraph_core.synth.openings import Opening
+from sgraph_core.synth.cutouts import Cutout
 from sgraph_core.synth.pieces import NO_ROOM, Pieces
 from sgraph_core.synth.polygons import edges, grow, rectangle, turn_left
 
@@ -17,7 +17,7 @@ __all__ = ["door_leaves", "furniture"]
 WIDEST_LEAF_M = 1.2
 
 
-def door_leaves(doors: list[Opening], rng: Generator, share: float) -> Pieces:
+def door_leaves(doors: list[Cutout], rng: Generator, share: float) -> Pieces:
     """Return both faces of the leaves of some doors, swung open."""
     segments, normals = [], []
     for door in doors:

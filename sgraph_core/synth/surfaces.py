@@ -1,4 +1,4 @@
-"""From a plan to its surfaces: rooms' sides and facades with their openings, and clutter."""
+"""From a plan to its surfaces: rooms' sides and facades with their cutouts, and clutter."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from shapely import Polygon
 from sgraph_concepts.types import FloatArray, IntArray
 from sgraph_core.synth.clutter import door_leaves, furniture
 from sgraph_core.synth.config import FittingConfig
-from sgraph_core.synth.openings import (
-    Opening,
-    border_openings,
+from sgraph_core.synth.cutouts import (
+    Cutout,
+    border_cutouts,
     cut,
     draw_doors,
     draw_windows,
@@ -34,7 +34,7 @@ class Floor:
 
     Attributes:
         rooms: each room's free space; columns and partitions are holes.
-        pieces: its surfaces, as far as openings leave them.
+        pieces: its surfaces, as far as cutouts leave them.
         passages: pairs of rooms that doors and open borders join, [D, 2].
         doorways: the middles of the passages, [D, 2].
     """
@@ -57,7 +57,7 @@ def draw_surfaces(plan: Plan, rng: Generator, config: FittingConfig) -> Floor:
     if not facade_mapped:
         gaps = gaps.take(~outer)
     doors = draw_doors(gaps, walls, rng, config)
-    borders = border_openings(walls, plan.open_borders)
+    borders = border_cutouts(walls, plan.open_borders)
     behind = junctions_behind(gaps, len(walls), rng, rng.choice(config.broken_behind_share))
     shell = cut(walls, [*doors, *windows, *borders, *behind])
     pieces = Pieces.joined(
@@ -90,9 +90,9 @@ def _simple(body: Polygon) -> Polygon:
     return Polygon(outline.coords)
 
 
-def _passages(openings: list[Opening], walls: Pieces) -> tuple[IntArray, FloatArray]:
-    """Return which rooms openings join, and the openings' middles; those to outside join none."""
-    inside = [o for o in openings if (walls.rooms[list(o.rows)] != NO_ROOM).all()]
-    rooms = [walls.rooms[list(opening.rows)] for opening in inside]
-    middles = [(opening.start + opening.end) / 2 for opening in inside]
+def _passages(cutouts: list[Cutout], walls: Pieces) -> tuple[IntArray, FloatArray]:
+    """Return which rooms cutouts join, and the cutouts' middles; those to outside join none."""
+    inside = [c for c in cutouts if (walls.rooms[list(c.rows)] != NO_ROOM).all()]
+    rooms = [walls.rooms[list(cutout.rows)] for cutout in inside]
+    middles = [(cutout.start + cutout.end) / 2 for cutout in inside]
     return np.array(rooms, np.int64).reshape(-1, 2), np.array(middles).reshape(-1, 2)

@@ -11,6 +11,7 @@ from typing import Any
 from sgraph_concepts.registry import Registry
 from sgraph_core.detector import Detector
 from sgraph_core.evaluation.report import SourceReport, evaluate
+from sgraph_core.evaluation.sources import find_sources, load_with_truth
 from sgraph_core.settings import read_settings
 from sgraph_core.training.config import TrainingConfig, config_file
 from sgraph_core.training.samples import Progress
@@ -74,8 +75,12 @@ def ablate(
 
     Raises:
         TrainingError: the folder holds a run of another configuration.
-        InputError: a map cannot be evaluated.
+        InputError: a map has no truth, or a folder no map; found before the first training.
+        MapFileError: a map cannot be read; likewise.
     """
+    for source in find_sources(maps):
+        for file in source.files:
+            load_with_truth(file)  # a bad map is better found before the trainings than after one
     plain = read_settings(config_file("paper"), TrainingConfig).building
     for variant in VARIANTS:
         changes = {

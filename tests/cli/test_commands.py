@@ -174,6 +174,19 @@ def test_output_that_cannot_be_written_is_named(sgraph: Any, block_map: Path) ->
     assert_one_line(result, "/no/such/folder/out.json: No such file or directory")
 
 
+def test_no_picture_is_left_of_a_map_that_cannot_be_written(
+    sgraph: Any, block_map: Path, tmp_path: Path
+) -> None:
+    picture = tmp_path / "block.png"
+    result = sgraph("infer", block_map, "-o", "/no/such/folder/out.json", "--plot", picture)
+    assert_one_line(result, "/no/such/folder/out.json: No such file or directory")
+    assert not picture.exists()
+
+
+def test_a_pictures_name_is_checked_before_the_work(sgraph: Any) -> None:
+    assert_one_line(sgraph("infer", "missing.json", "--plot", "a.xyz"), "a.xyz: a picture's name")
+
+
 def test_a_map_without_keyframes_cannot_be_optimised(sgraph: Any, block_map: Path) -> None:
     assert_one_line(sgraph("infer", block_map, "--optimize"), "0 keyframes and 0 observations")
 
@@ -199,6 +212,13 @@ def test_unknown_names_get_one_line(
         ["infer", "a.json", "--no-such-option"],
         ["infer", "a.json", "--clusterer", "cycles"],
         ["infer", "a.json", "--scorer", "magic"],
+        ["infer", "a.json", "--scorer", "baseline", "--weights", "w"],
+        ["infer", "a.json", "--factor", "wall=published"],
+        ["evaluate", "a.json", "--scorer", "baseline", "--weights", "w"],
+        ["evaluate", "a.json", "--stored", "--scorer", "baseline"],
+        ["evaluate", "a.json", "--stored", "--weights", "w"],
+        ["evaluate", "a.json", "--stored", "--clusterer", "room=cycles"],
+        ["evaluate", "a.json", "--stored", "--uncalibrated"],
         ["no-such-command"],
         ["synth", "-o", "x", "--count", "0"],
     ],
@@ -265,6 +285,14 @@ def test_synth_takes_ingredients_from_a_file(sgraph: Any, tmp_path: Path) -> Non
     config.write_text('{"plan": {"aspect": [3, 1]}}')
     result = sgraph("synth", "-o", tmp_path / "maps", "--config", config)
     assert_one_line(result, "config.json: plan.aspect: Value error, lower bound")
+
+
+def test_growth_is_told_of_two_sizes_or_more(sgraph: Any) -> None:
+    told = "whole inference grows with surfaces to the power of"
+    one = sgraph("benchmark", "--size", 30, "--size", 30, "--repeats", 1)
+    assert (one.returncode, one.stderr) == (0, "")
+    assert told not in one.stdout
+    assert told in sgraph("benchmark", "--size", 30, "--size", 60, "--repeats", 1).stdout
 
 
 def test_schema_prints_json(sgraph: Any) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -85,7 +86,8 @@ def test_broken_plugins_beside_ours_are_reported_and_the_rest_works(
     install(tmp_path, "good-plugin", "good_plugin", GOOD)
     for name, source in BROKEN.items():
         install(tmp_path, f"{name}-plugin", f"{name.replace('-', '_')}_plugin", source)
-    path = f"{tmp_path}:{Path(__file__).parent.parent / 'support'}"
+    support = Path(__file__).parent.parent / "support"
+    path = os.pathsep.join([str(tmp_path), str(support), os.environ.get("PYTHONPATH", "")])
     result = sgraph("concepts", "list", PYTHONPATH=path)
     assert result.returncode == 0
     for concept in ("room", "wall", "zone"):
@@ -99,3 +101,6 @@ def test_broken_plugins_beside_ours_are_reported_and_the_rest_works(
     inferred = sgraph("infer", demo_map, "-o", tmp_path / "out.json", PYTHONPATH=path)
     assert inferred.returncode == 0
     assert len(inferred.stderr.splitlines()) == len(BROKEN)
+    timed = sgraph("benchmark", "--size", 30, "--repeats", 1, PYTHONPATH=path)
+    assert timed.returncode == 0
+    assert len(timed.stderr.splitlines()) == len(BROKEN)

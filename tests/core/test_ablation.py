@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from plans import block
+from plans import block, plan, rectangle
 
+from sgraph_concepts.errors import InputError, MapFileError
 from sgraph_core import map_file
 from sgraph_core.concepts import installed
 from sgraph_core.graph import TrueRoom, Truth
@@ -25,6 +26,19 @@ def test_variants_have_names_of_their_own_and_settings_that_exist() -> None:
     assert len(set(names)) == len(names)
     for variant in ablation.VARIANTS:
         TrainingConfig.model_validate({**SMALL.model_dump(), **variant.changes})
+
+
+def test_maps_that_cannot_be_scored_are_named_before_any_training(tmp_path: Path) -> None:
+    untrue = plan(rectangle(0, 0, 5, 4))
+    untrue.truth = None
+    map_file.save(untrue, tmp_path / "untrue.json")
+    for name, error in (("missing.json", MapFileError), ("untrue.json", InputError)):
+        rows = ablation.ablate(
+            SMALL, [tmp_path / name], tmp_path / "runs", installed(), say_nothing
+        )
+        with pytest.raises(error, match=name):
+            next(iter(rows))
+        assert not (tmp_path / "runs").exists()
 
 
 def test_an_interrupted_ablation_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

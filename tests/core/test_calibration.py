@@ -26,7 +26,7 @@ from sgraph_core.evaluation.calibration import (
 )
 from sgraph_core.evaluation.fitting import fit_confidence, fit_relation
 from sgraph_core.evaluation.scores import Judged, score_floor
-from sgraph_core.evaluation.sources import find_sources
+from sgraph_core.evaluation.sources import absent_names, find_sources
 from sgraph_core.graph import SGraph, TrueRoom, Truth
 
 CHANCES = st.lists(st.tuples(st.floats(0, 1), st.booleans()), min_size=1, max_size=30)
@@ -303,6 +303,33 @@ def test_every_list_is_a_source_of_its_own(folder: Path, tmp_path: Path) -> None
         ("floors (some)", ["one", "three.b"]),
         ("floors (rest)", ["two"]),
     ]
+
+
+def test_a_list_may_have_a_byte_order_mark_and_indented_comments(
+    folder: Path, tmp_path: Path
+) -> None:
+    marked = write(tmp_path / "marked.txt", "\ufeffone\n  # two\n")
+    ((_, files),) = ((s.name, s.files) for s in find_sources([folder], [marked]))
+    assert [file.stem for file in files] == ["one"]
+    assert absent_names([folder], [marked]) == {}
+
+
+def test_names_that_no_path_holds_are_told_by_list(folder: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "attic.json").touch()
+    some = write(tmp_path / "some.txt", "two\nthre.b\nonne\n")
+    rest = write(tmp_path / "rest.txt", "one\nattic\n")
+    assert absent_names([folder], [some]) == {some: ["onne", "thre.b"]}
+    assert absent_names([folder], [rest]) == {rest: ["attic"]}
+    assert absent_names([folder, other], [write(rest, "attic\none\n")]) == {}
+
+
+def test_the_working_directory_is_a_source_by_its_name(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(folder)
+    assert [source.name for source in find_sources([Path()])] == ["floors"]
 
 
 def test_lists_that_match_nothing_or_cannot_be_read_are_named(folder: Path, tmp_path: Path) -> None:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
-from pydantic import ValidationError
 
+from sgraph_concepts.errors import InputError
 from sgraph_core import map_file
 from sgraph_core.evaluation.scores import score_floor
 from sgraph_core.preprocess import preprocess
+from sgraph_core.settings import read_settings
 from sgraph_core.synth.building import Building, draw_building
 from sgraph_core.synth.config import BuildingConfig, FittingConfig, PlanConfig, ViewConfig
 from sgraph_core.synth.plan import draw_plan
@@ -126,15 +127,67 @@ def test_labels_never_depend_on_where_the_building_lies() -> None:
         assert np.abs((normals * drawn.normals).sum(axis=1)).max() < 1e-9
 
 
-def test_ingredients_are_checked() -> None:
-    with pytest.raises(ValidationError, match="lower bound must not exceed"):
-        PlanConfig(aspect=(3.0, 1.0))
-    with pytest.raises(ValidationError, match="less than or equal to 1"):
-        FittingConfig(facade_share=2)
-    with pytest.raises(ValidationError, match="greater than 0"):
-        ViewConfig(pose_spacing_m=(0.0, 1.0))
-    with pytest.raises(ValidationError, match="Extra inputs"):
-        BuildingConfig.model_validate_json(json.dumps({"roof": 1}))
+@pytest.mark.parametrize(
+    ("ingredients", "message"),
+    [
+        ('{"plan": {"aspect": [3, 1]}}', "plan.aspect: .*lower bound must not exceed"),
+        ('{"plan": {"floor_area_m2": [60, 1e999]}}', "plan.floor_area_m2.1: .*finite"),
+        ('{"plan": {"room_area_m2": [NaN, 9]}}', "plan.room_area_m2.0: .*finite"),
+        ('{"plan": {"room_area_spread": 1000}}', "plan.room_area_spread: .*or equal to 3$"),
+        ('{"plan": {"open_part": [0.5, 1.5]}}', "plan.open_part.1: .*or equal to 1$"),
+        ('{"plan": {"merged_share": []}}', "plan.merged_share: .*at least 1 item"),
+        ('{"plan": {"corridor_share": 1}}', "plan: .*corridor_share 1 and .* more than 1$"),
+        ('{"fittings": {"facade_share": 2}}', "fittings.facade_share: .*or equal to 1$"),
+        ('{"fittings": {"door_share": [0, 30]}}', "fittings.door_share.1: .*or equal to 1$"),
+        ('{"view": {"missing_share": [30]}}', "view.missing_share.0: .*or equal to 1$"),
+        ('{"view": {"longest_piece_m": [1e-6, 1]}}', "view.longest_piece_m.0: .*to 0.5$"),
+        ('{"view": {"pose_spacing_m": [0, 1]}}', "view.pose_spacing_m.0: .*to 0.5$"),
+        ('{"view": {"visit_rooms": [1e23, 1e23]}}', "view.visit_rooms.0: .*"),
+        ('{"view": {"noise_m": [1e300]}}', "view.noise_m.0: .*or equal to 5$"),
+        ('{"roof": 1}', "roof: Extra inputs"),
+        ("{", "Invalid JSON"),
+    ],
+)
+def test_ingredients_out_of_bounds_are_named(
+    tmp_path: Path, ingredients: str, message: str
+) -> None:
+    file = tmp_path / "config.json"
+    file.write_text(ingredients)
+    with pytest.raises(InputError, match=rf"config\.json: {message}"):
+        read_settings(file, BuildingConfig)
+
+
+EXTREMES: dict[str, dict[str, object]] = {
+    "small": {"plan": {"floor_area_m2": (1, 10), "room_area_m2": (1, 1)}},
+    "long": {"plan": {"floor_area_m2": (2000, 2000), "aspect": (20, 20)}},
+    "uneven": {"plan": {"floor_area_m2": (500, 500), "room_area_spread": 3}},
+    "thick walls": {"plan": {"wall_thickness_m": (200, 200)}},
+    "thick facades": {"fittings": {"facade_thickness_m": (200, 200), "facade_share": 1}},
+    "tiny furniture": {"fittings": {"furniture_size_m": (0.01, 0.01), "furnished_share": (1,)}},
+    "small pieces": {"view": {"longest_piece_m": (0.5, 0.5), "fragmented_share": 1}},
+    "far off": {"view": {"noise_m": (5,), "drift_m": (5, 5), "drifted_share": 1}},
+    "one visit": {"view": {"visit_rooms": (1000, 1000), "drifted_share": 1}},
+}
+
+
+@pytest.mark.parametrize("name", EXTREMES)
+@pytest.mark.filterwarnings("error")
+def test_the_bounds_of_ingredients_give_buildings(name: str) -> None:
+    config = BuildingConfig.model_validate(EXTREMES[name])
+    for seed in range(3):
+        assert np.isfinite(building(seed, config).segments).all()
+
+
+def test_offices_have_straight_corridors_or_a_ring_around_a_core() -> None:
+    offices = Path(__file__).parents[2] / "docs" / "layouts" / "offices.json"
+    config = read_settings(offices, BuildingConfig).plan
+    rings = 0
+    for seed in range(20):
+        plan = draw_plan(np.random.default_rng(seed), config)
+        assert plan is not None
+        holes = [shapely.Polygon(hole) for room in plan.rooms for hole in room.interiors]
+        rings += any(hole.area > 50 for hole in holes)
+    assert 3 <= rings <= 10
 
 
 def test_every_ingredient_is_described() -> None:

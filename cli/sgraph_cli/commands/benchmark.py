@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from sgraph_cli.console import print_table, progress
+from sgraph_cli.console import print_table, progress, warn_about_plugins
 
 __all__ = ["benchmark"]
 
@@ -26,10 +26,12 @@ def benchmark(
     from sgraph_core.detector import Detector
     from sgraph_core.evaluation.benchmark import SIZES, growth, time_stages
 
+    detector = Detector()
+    warn_about_plugins(list(detector.registry.problems))
     sizes = size or list(SIZES)
     times = []
     with progress() as report:
-        for done, stage_times in enumerate(time_stages(Detector(), sizes, repeats, seed), start=1):
+        for done, stage_times in enumerate(time_stages(detector, sizes, repeats, seed), start=1):
             times.append(stage_times)
             report("timing", done, len(sizes))
     table = Table(box=box.MARKDOWN)
@@ -47,5 +49,5 @@ def benchmark(
             f"{1e3 * t.total:.1f}",
         )
     print_table(table)
-    if len(times) > 1:
+    if len(set(sizes)) > 1:
         typer.echo(f"whole inference grows with surfaces to the power of {growth(times):.2f}")

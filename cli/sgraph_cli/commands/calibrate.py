@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from sgraph_cli.arguments import warn_about_lists
 from sgraph_cli.console import note, progress, warn_about_plugins
 
 __all__ = ["calibrate"]
@@ -31,6 +32,7 @@ def calibrate(
 
     detector = Detector(calibrated=False)
     warn_about_plugins(list(detector.registry.problems))
+    warn_about_lists(paths, only or [])
     with progress() as report:
         outcomes = gather_outcomes(paths, only or [], detector, report)
     for concept, found in outcomes.items():

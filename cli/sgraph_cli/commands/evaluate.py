@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from sgraph_cli.arguments import ScorerName, Weights, by_concept
+from sgraph_cli.arguments import ScorerName, Weights, by_concept, refuse_beside, warn_about_lists
 from sgraph_cli.console import print_table, progress, warn_about_plugins
 
 __all__ = ["evaluate", "print_scores"]
@@ -54,6 +54,12 @@ def evaluate(
 
     Every PATH is a source; with --only, which may be repeated, every list's part of every PATH.
     """
+    rules = scorer is ScorerName.baseline
+    if stored:
+        inference = {"--scorer": rules, "--weights": weights, "--clusterer": clusterer}
+        refuse_beside("--stored", {**inference, "--uncalibrated": uncalibrated})
+    if rules:
+        refuse_beside("--scorer baseline", {"--weights": weights})
     clusterers = by_concept(clusterer or [], "--clusterer")
     from sgraph_core.detector import Detector
     from sgraph_core.evaluation.report import SourceReport, as_rows
@@ -72,6 +78,7 @@ def evaluate(
             weights=weights,
         )
         warn_about_plugins(list(detector.registry.problems))
+    warn_about_lists(paths, only or [])
     reference = None if trajectory is None else read_tum(trajectory)
     with progress() as report:
         reports = run(paths, detector, reference, report, only or [])

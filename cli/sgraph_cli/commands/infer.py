@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sgraph_cli.arguments import ScorerName, Weights, by_concept, load_map
+from sgraph_cli.arguments import ScorerName, Weights, by_concept, load_map, refuse_beside
 from sgraph_cli.console import note, print_table, warn_about_plugins
 from sgraph_cli.explanation import answer, parse_question, print_answer
 
@@ -71,13 +71,21 @@ def infer(
     Without -o, --json and --explain, a table is printed.
     """
     question = None if explain is None else parse_question(explain)
-    if question is not None and json_:
-        raise typer.BadParameter("cannot be combined with --json", param_hint="--explain")
+    if json_:
+        refuse_beside("--json", {"--explain": question})
+    if scorer is ScorerName.baseline:
+        refuse_beside("--scorer baseline", {"--weights": weights})
+    if factor and not optimize:
+        raise typer.BadParameter("needs --optimize", param_hint="--factor")
     clusterers = by_concept(clusterer or [], "--clusterer")
     factors = by_concept(factor or [], "--factor")
     from sgraph_core.detector import Detector
     from sgraph_core.map_file import dump, save
+    from sgraph_core.plotting import check_name
+    from sgraph_core.plotting import plot as draw
 
+    if plot is not None:
+        check_name(plot)
     detector = Detector(scorer=scorer.value, clusterers=clusterers, weights=weights)
     warn_about_plugins(list(detector.registry.problems))
     graph = load_map(map_file)
@@ -89,12 +97,10 @@ def infer(
     else:
         result = detector.infer(graph, concept)
     answered = None if question is None else answer(question, result, detector)
-    if plot is not None:
-        from sgraph_core.plotting import plot as draw
-
-        draw(result, plot)
     if output is not None:
         save(result, output)
+    if plot is not None:
+        draw(result, plot)
     if answered is not None:
         print_answer(answered, result)
     elif json_:

@@ -17,7 +17,7 @@ from sgraph_core.synth.config import FittingConfig
 from sgraph_core.synth.pieces import SHORTEST_PIECE_M, Pieces
 from sgraph_core.synth.walls import THICKEST_M, WallGaps
 
-__all__ = ["Opening", "border_openings", "cut", "draw_doors", "draw_windows", "junctions_behind"]
+__all__ = ["Cutout", "border_cutouts", "cut", "draw_doors", "draw_windows", "junctions_behind"]
 
 DOOR_FRAME_M = 0.05
 """Doors stay this far from the ends of a wall."""
@@ -26,7 +26,7 @@ WINDOW_PIER_M = 0.2
 
 
 @dataclass(frozen=True, eq=False)
-class Opening:
+class Cutout:
     """A stretch that is cut out of surfaces, from point to point, [2] each.
 
     Attributes:
@@ -40,7 +40,7 @@ class Opening:
 
 def draw_doors(
     gaps: WallGaps, walls: Pieces, rng: Generator, config: FittingConfig
-) -> list[Opening]:
+) -> list[Cutout]:
     """Draw doors and wide openings between neighbouring rooms, and between rooms and outside."""
     between: dict[tuple[int, int], list[int]] = defaultdict(list)
     for k, (one, two) in enumerate(zip(gaps.one, gaps.two, strict=True)):
@@ -59,11 +59,11 @@ def draw_doors(
             length = float(gaps.lengths[gap])
             if length > width + 2 * DOOR_FRAME_M:
                 where = rng.uniform(DOOR_FRAME_M, length - width - DOOR_FRAME_M)
-                doors.append(_opening(gaps, gap, where, width))
+                doors.append(_cutout(gaps, gap, where, width))
     return doors
 
 
-def draw_windows(gaps: WallGaps, rng: Generator, config: FittingConfig) -> list[Opening]:
+def draw_windows(gaps: WallGaps, rng: Generator, config: FittingConfig) -> list[Cutout]:
     """Draw rows of equal windows in some of the outer walls whose gaps are given."""
     share = rng.choice(config.window_share)
     width, spacing = rng.uniform(*config.window_width_m), rng.uniform(*config.window_spacing_m)
@@ -75,30 +75,30 @@ def draw_windows(gaps: WallGaps, rng: Generator, config: FittingConfig) -> list[
         if fitting >= config.window_width_m[0]:
             for number in range(count):
                 where = (number + 0.5) * length / count - fitting / 2
-                windows.append(_opening(gaps, int(gap), where, fitting))
+                windows.append(_cutout(gaps, int(gap), where, fitting))
     return windows
 
 
-def _opening(gaps: WallGaps, gap: int, where_m: float, width_m: float) -> Opening:
+def _cutout(gaps: WallGaps, gap: int, where_m: float, width_m: float) -> Cutout:
     start, along = gaps.starts[gap], (gaps.ends[gap] - gaps.starts[gap]) / gaps.lengths[gap]
     rows = (int(gaps.one[gap]), int(gaps.two[gap]))
-    return Opening(rows, start + where_m * along, start + (where_m + width_m) * along)
+    return Cutout(rows, start + where_m * along, start + (where_m + width_m) * along)
 
 
-def border_openings(walls: Pieces, borders: FloatArray) -> list[Opening]:
-    """Return the borders [B, 2, 2] at which no wall stands as openings of both rooms' outlines."""
+def border_cutouts(walls: Pieces, borders: FloatArray) -> list[Cutout]:
+    """Return the borders [B, 2, 2] at which no wall stands as cutouts of both rooms' outlines."""
     touch_m = 1e-3
     middles = shapely.points(borders.mean(axis=1))
     border, row = shapely.STRtree(lines_of(walls.segments)).query(
         middles, predicate="dwithin", distance=touch_m
     )
     return [
-        Opening(tuple(row[border == k].tolist()), start, end)
+        Cutout(tuple(row[border == k].tolist()), start, end)
         for k, (start, end) in enumerate(borders)
     ]
 
 
-def junctions_behind(gaps: WallGaps, count: int, rng: Generator, share: float) -> Iterator[Opening]:
+def junctions_behind(gaps: WallGaps, count: int, rng: Generator, share: float) -> Iterator[Cutout]:
     """Yield where walls meet surfaces from behind: between the rooms that lie behind them."""
     behind: dict[int, list[tuple[FloatArray, FloatArray]]] = defaultdict(list)
     for one, two, start, end in zip(gaps.one, gaps.two, gaps.starts, gaps.ends, strict=True):
@@ -110,15 +110,15 @@ def junctions_behind(gaps: WallGaps, count: int, rng: Generator, share: float) -
         along = behind[row][0][1] - behind[row][0][0]
         for (_, end), (start, _) in pairwise(sorted(behind[row], key=lambda s: s[0] @ along)):
             if (start - end) @ along >= 0 and np.linalg.norm(start - end) <= THICKEST_M:
-                yield Opening((row,), end, start)
+                yield Cutout((row,), end, start)
 
 
-def cut(walls: Pieces, openings: Iterable[Opening]) -> Pieces:
-    """Return what openings leave of surfaces."""
+def cut(walls: Pieces, cutouts: Iterable[Cutout]) -> Pieces:
+    """Return what cutouts leave of surfaces."""
     cuts: dict[int, list[tuple[FloatArray, FloatArray]]] = defaultdict(list)
-    for opening in openings:
-        for row in opening.rows:
-            cuts[row].append((opening.start, opening.end))
+    for cutout in cutouts:
+        for row in cutout.rows:
+            cuts[row].append((cutout.start, cutout.end))
     rows, segments = [], []
     for row, segment in enumerate(walls.segments):
         length = float(np.linalg.norm(segment[1] - segment[0]))
