@@ -31,6 +31,8 @@ __all__ = ["Question", "answer", "parse_question", "print_answer"]
 
 MOST_LINKS = 3
 """How many of the links that decided are named."""
+ID = "[0-9]{1,16}"
+"""An id; the map file allows none of more digits."""
 
 
 @dataclass(frozen=True)
@@ -47,10 +49,10 @@ def parse_question(text: str) -> Question:
     Raises:
         typer.BadParameter: the text is of neither form.
     """
-    node = re.fullmatch(r"(\w+):([0-9]+)", text)
+    node = re.fullmatch(rf"(\w+):({ID})", text)
     if node:
         return Question(node[1], (int(node[2]),))
-    pair = re.fullmatch(r"([0-9]+),([0-9]+)", text)
+    pair = re.fullmatch(rf"({ID}),({ID})", text)
     if pair:
         return Question("", (int(pair[1]), int(pair[2])))
     raise typer.BadParameter(
