@@ -11,6 +11,7 @@ from plans import L_SHAPE, block, members, plan, rectangle, regular, true_rooms,
 from sgraph_concepts.errors import ConceptError
 from sgraph_concepts.spec import ConceptSpec
 from sgraph_concepts.types import ConceptNode, NodeShape
+from sgraph_core import map_file
 from sgraph_core.concepts import new_registry
 from sgraph_core.detector import Detector
 from sgraph_core.graph import Pins, SGraph
@@ -140,6 +141,13 @@ def test_ids_and_names_persist_when_the_map_grows(detector: Detector) -> None:
     assert found[17].members == room.members
     assert found[17].name == "kitchen"
     assert sorted(found) == [17, 18]
+
+
+def test_a_map_with_the_largest_id_is_written_readable(detector: Detector) -> None:
+    graph = block(0.15)
+    graph.concepts = {"room": [ConceptNode(2**53 - 1, (0, 1, 2, 3))]}
+    written = map_file.parse(map_file.dump(detector.infer(graph)).encode())
+    assert {node.id for node in written.concepts["room"]} == {0, 1, 2, 2**53 - 1}
 
 
 def test_names_that_a_person_pinned_win(detector: Detector) -> None:
