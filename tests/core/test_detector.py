@@ -191,12 +191,25 @@ def test_a_concept_may_group_another_ones_nodes() -> None:
     assert result.networkx()[("floor", 0)][("zone", 0)]["link"] == "member"
 
 
+def test_where_there_are_no_nodes_to_group_there_is_none() -> None:
+    result = detector_with(clusterer="zone:no_nodes").infer(block(0.1))
+    assert result.concepts == {"zone": [], "floor": []}
+
+
 @pytest.mark.parametrize(
     ("part", "message"),
     [
         ({"baseline": "zone:too_few"}, r"baseline of concept 'zone' must return \d+ finite"),
         ({"clusterer": "zone:nowhere"}, "clusterer of concept 'zone' returned a row that does not"),
         ({"clusterer": "zone:overlapping"}, "put a row into two clusters"),
+        ({"clusterer": "zone:nobody"}, "returned a cluster without members"),
+        ({"clusterer": "zone:too_sure"}, "returned a confidence that is not from 0 to 1"),
+        ({"clusterer": "zone:bare_rows"}, "must return a list of Cluster"),
+        ({"clusterer": "os:getcwd"}, r"clusterer of concept 'zone' fails: .*arguments"),
+        ({"clusterer": "os:name"}, "clusterer of concept 'zone' fails: 'str' object is not"),
+        ({"clusterer": "published"}, r"nor a built-in \(known: cycles\)"),
+        ({"baseline": "os:getcwd"}, "baseline of concept 'zone' fails"),
+        ({"shape": "os:getcwd"}, "shape of concept 'zone' fails"),
         ({"shape": "zone:no_shape"}, "shape of concept 'zone' must return a NodeShape"),
         ({"shape": "zone:missing"}, "has no attribute 'missing'"),
     ],
