@@ -10,10 +10,10 @@ from sgraph_core.network import ENCODER_VERSION
 __all__ = ["BUILTINS", "installed", "new_registry"]
 
 BUILTINS = {
-    "cycles": "sgraph_core.clustering.cycles:cluster",
-    "published": "sgraph_core.backend.published:factors",
+    "clusterer": {"cycles": "sgraph_core.clustering.cycles:cluster"},
+    "factor": {"published": "sgraph_core.backend.published:factors"},
 }
-"""Parts that a declaration, or the user, may name without saying where they are."""
+"""Parts, by kind, that a declaration or the user may name without saying where they are."""
 
 
 def new_registry() -> Registry:

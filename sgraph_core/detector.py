@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -164,6 +164,8 @@ class _Run:
     ) -> list[ConceptNode]:
         """Return the concept's nodes, with ids yet to be decided."""
         groups_surfaces = concept.spec.groups == WALL_SURFACE
+        if not groups_surfaces and not grouped:
+            return []
         scene = self.scene if groups_surfaces else _scene_of_nodes(grouped, self.scene)
         edges = self.score(concept, scene)
         clusters = self._by_members(concept, edges, scene)
@@ -232,7 +234,7 @@ class _Run:
         learned = self._detector.scorer == "network" and concept.spec.head is not None
         if learned and not scene.nodes:
             return self._detector.network.score(concept, scene, self._embeddings)
-        logits = np.asarray(self._detector.registry.part(name, "baseline")(scene), np.float64)
+        logits = np.asarray(self._call(name, "baseline", None, scene), np.float64)
         if logits.shape != (len(scene.pairs),) or not np.isfinite(logits).all():
             raise ConceptError(
                 f"baseline of concept {name!r} must return {len(scene.pairs)} finite log-odds"
@@ -252,12 +254,12 @@ class _Run:
         self, concept: RegisteredConcept, edges: ScoredEdges, scene: Scene
     ) -> list[Cluster]:
         name = concept.spec.name
-        find = self._detector.registry.part(name, "clusterer", self._detector.clusterers.get(name))
-        clusters: list[Cluster] = list(find(edges, scene))
+        chosen = self._detector.clusterers.get(name)
+        clusters: list[Cluster] = self._call(name, "clusterer", chosen, edges, scene)
+        problem = _problem(clusters, len(scene.nodes) or len(scene.surfaces))
+        if problem:
+            raise ConceptError(f"clusterer of concept {name!r} {problem}")
         rows = [row for cluster in clusters for row in cluster.members]
-        total = len(scene.nodes) or len(scene.surfaces)
-        if any(not 0 <= row < total for row in rows):
-            raise ConceptError(f"clusterer of concept {name!r} returned a row that does not exist")
         if concept.spec.exclusive and len(set(rows)) != len(rows):
             raise ConceptError(
                 f"clusterer of concept {name!r} put a row into two clusters, "
@@ -268,11 +270,32 @@ class _Run:
     def _shape(self, concept: RegisteredConcept, rows: IntArray, scene: Scene) -> NodeShape:
         if concept.spec.shape is None:
             return _at(_middle(rows, scene), scene.origin)
-        describe = self._detector.registry.part(concept.spec.name, "shape")
-        shape = describe(rows, scene)
+        shape = self._call(concept.spec.name, "shape", None, rows, scene)
         if not isinstance(shape, NodeShape):
             raise ConceptError(f"shape of concept {concept.spec.name!r} must return a NodeShape")
         return _at(shape, scene.origin)
+
+    def _call(self, name: str, kind: str, chosen: str | None, *arguments: object) -> Any:
+        """Return what a concept's declared or chosen part makes of its arguments."""
+        part = self._detector.registry.part(name, kind, chosen)
+        try:
+            return part(*arguments)
+        except Exception as error:  # a third party's code may raise anything
+            raise ConceptError(f"{kind} of concept {name!r} fails: {error}") from error
+
+
+def _problem(clusters: object, total: int) -> str:
+    """Return what is wrong with a clusterer's answer about a number of rows; empty if nothing."""
+    if not isinstance(clusters, Sequence) or not all(isinstance(c, Cluster) for c in clusters):
+        return "must return a list of Cluster"
+    if not all(cluster.members for cluster in clusters):
+        return "returned a cluster without members"
+    rows = [row for cluster in clusters for row in cluster.members]
+    if not all(isinstance(row, int | np.integer) and 0 <= row < total for row in rows):
+        return "returned a row that does not exist"
+    if not all(0 <= cluster.confidence <= 1 for cluster in clusters):
+        return "returned a confidence that is not from 0 to 1"
+    return ""
 
 
 def _scene_of_nodes(nodes: Sequence[ConceptNode], scene: Scene) -> Scene:

@@ -45,13 +45,18 @@ class Link:
     Attributes:
         one, two: ids of the surfaces.
         logit: log-odds of the relation as scored, which the clusterer weighs.
-        probability: of the relation.
+        probability: of the relation, calibrated where the concept declares how.
     """
 
     one: int
     two: int
     logit: float
     probability: float
+
+    @property
+    def scored_for(self) -> bool:
+        """Whether the score speaks for the relation, which its probability alone does not tell."""
+        return self.logit > 0
 
 
 @dataclass(frozen=True)
@@ -84,8 +89,8 @@ class Relation:
         nodes: ids of the nodes that hold the one, and of those that hold the other.
         balance: where the clusterer went against the link: if the two are apart, the links between
             their nodes; if they are together, the links of the one to the rest of the node.
-        strays: where the two are likely related and apart, those of them that are in no node, with
-            all their links.
+        strays: where the two are scored for and apart, those of them that are in no node, with all
+            their links.
 
     Where nodes may share surfaces, a clusterer need not choose: there is no balance, and no stray.
     """
@@ -318,9 +323,9 @@ def _relation(
         likeliest = linking[np.argmax(edges.logits[linking])]
         logit, probability = edges.logits[likeliest], edges.probabilities[likeliest]
         link = Link(*surfaces, float(logit), float(probability))
-    likely = link is not None and link.logit > 0
+    scored_for = link is not None and link.scored_for
     found = Relation(spec.name, spec.relation, link, (one, two))
-    if not spec.exclusive or likely == bool(found.shared):
+    if not spec.exclusive or scored_for == bool(found.shared):
         return found
     if found.shared:
         return replace(found, balance=_held_together(rows, spec.name, trace))

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,7 @@ from sgraph_core.map_schema import (
     TruthRecord,
 )
 from sgraph_core.pins import PinError, check_pins
-from sgraph_core.tables import RowError
+from sgraph_core.tables import LARGEST_ID, RowError
 
 __all__ = ["dump", "load", "parse", "save", "schema"]
 
@@ -34,6 +35,8 @@ PAIR_CONCEPTS = {"wall"}
 """Concepts whose nodes have exactly two members by the format's definition."""
 SURFACE_CONCEPTS = {"room", "wall"}
 """Concepts whose members are wall surfaces by the format's definition."""
+ID = re.compile(r"0|[1-9][0-9]{0,15}")
+"""An id as the key of an object; a longer one is beyond the largest."""
 
 
 def load(path: str | Path) -> SGraph:
@@ -107,7 +110,7 @@ def _parse_json(data: bytes, path: str | Path) -> Any:
 
     try:
         text = data.decode("utf-8-sig")
-        return json.loads(text, object_pairs_hook=unique)
+        document = json.loads(text, object_pairs_hook=unique)
     except UnicodeDecodeError as error:
         raise MapFileError(path, f"byte {error.start}", None, "is not UTF-8 text") from error
     except json.JSONDecodeError as error:
@@ -117,12 +120,28 @@ def _parse_json(data: bytes, path: str | Path) -> Any:
         raise MapFileError(path, "", None, "is nested too deeply") from None
     except ValueError as error:  # an integer of more digits than Python converts
         raise MapFileError(path, "", None, f"is not JSON: {error}") from error
+    if "\\u" in text:  # UTF-8 itself cannot write them
+        _refuse_lone_surrogates(document, path)
+    return document
+
+
+def _refuse_lone_surrogates(document: Any, path: str | Path) -> None:
+    """Refuse text that is half of a pair of surrogates: it can be neither written nor printed."""
+    parts: list[tuple[tuple[int | str, ...], Any]] = [((), document)]
+    while parts:
+        steps, part = parts.pop()
+        if isinstance(part, dict):
+            for key, value in part.items():
+                parts += [(steps, key), ((*steps, key), value)]
+        elif isinstance(part, list):
+            parts += [((*steps, k), value) for k, value in enumerate(part)]
+        elif isinstance(part, str) and any("\ud800" <= letter <= "\udfff" for letter in part):
+            raise MapFileError(path, _place(steps), _value(part), "must hold no lone surrogate")
 
 
 def _first_problem(error: ValidationError, document: Any, path: str | Path) -> MapFileError:
     problem = error.errors(include_url=False)[0]
-    steps = _real_steps(problem["loc"], document)
-    place = "".join(f"[{s}]" if isinstance(s, int) else f".{s}" for s in steps).removeprefix(".")
+    place = _place(_real_steps(problem["loc"], document))
     rules = {
         "extra_forbidden": "unknown key",
         "missing": "is required",
@@ -138,6 +157,10 @@ def _first_problem(error: ValidationError, document: Any, path: str | Path) -> M
     message = message.removeprefix("Value error, ").replace("Input should be", "must be")
     rule = rules.get(kind, message)
     return MapFileError(path, place, None if kind == "missing" else _value(problem["input"]), rule)
+
+
+def _place(steps: Iterable[int | str]) -> str:
+    return "".join(f"[{s}]" if isinstance(s, int) else f".{s}" for s in steps).removeprefix(".")
 
 
 def _real_steps(location: Sequence[int | str], document: Any) -> Iterator[int | str]:
@@ -237,8 +260,9 @@ def _ring(points: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], .
 
 def _read_pins(record: PinsRecord, surfaces: set[int], path: str | Path) -> Pins:
     for key in record.room_names or {}:
-        if not key.isdecimal() or str(int(key)) != key:
-            raise MapFileError(path, "pins.room_names", _value(key), "key must be a room id")
+        if not ID.fullmatch(key) or int(key) > LARGEST_ID:
+            rule = f"key must be a room id, an integer from 0 to {LARGEST_ID}"
+            raise MapFileError(path, "pins.room_names", _value(key), rule)
     pins = Pins(
         tuple(record.same_room or ()),
         tuple(record.not_same_room or ()),

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
 from sgraph_concepts.types import ConceptNode
+from sgraph_core.tables import LARGEST_ID
 
 __all__ = ["keep_identity"]
 
@@ -22,7 +24,8 @@ def keep_identity(
 
     Old and new nodes are matched one to one so that as many named ones as possible persist, and
     then so that they share the most members. Nodes without a match get ids above all old ones, in
-    the order of their members; an id is not used again.
+    the order of their members; an id is not used again. Beyond the largest id, they get the lowest
+    that are free.
 
     Args:
         new: nodes whose ids are not yet decided.
@@ -35,12 +38,13 @@ def keep_identity(
     ordered = sorted(new, key=lambda node: node.members)
     inherited = _matches(ordered, old, names)
     # a pinned name may belong to a node that is gone: its id is taken too, once there are nodes
-    free = max((*(node.id for node in old), *(names if old else ())), default=-1) + 1
+    taken = {*(node.id for node in old), *(names if old else ())}
+    above = max(taken, default=-1) + 1
+    free = (i for i in chain(range(above, LARGEST_ID + 1), range(above)) if i not in taken)
     result = []
     for k, node in enumerate(ordered):
         before = inherited.get(k)
-        node_id = free if before is None else before.id
-        free += before is None
+        node_id = next(free) if before is None else before.id
         name = names.get(node_id, node.name if before is None else before.name)
         result.append(replace(node, id=node_id, name=name))
     return sorted(result, key=lambda node: node.id)

@@ -31,6 +31,8 @@ __all__ = ["Question", "answer", "parse_question", "print_answer"]
 
 MOST_LINKS = 3
 """How many of the links that decided are named."""
+ID = "[0-9]{1,16}"
+"""An id; the map file allows none of more digits."""
 
 
 @dataclass(frozen=True)
@@ -47,10 +49,10 @@ def parse_question(text: str) -> Question:
     Raises:
         typer.BadParameter: the text is of neither form.
     """
-    node = re.fullmatch(r"(\w+):([0-9]+)", text)
+    node = re.fullmatch(rf"(\w+):({ID})", text)
     if node:
         return Question(node[1], (int(node[2]),))
-    pair = re.fullmatch(r"([0-9]+),([0-9]+)", text)
+    pair = re.fullmatch(rf"({ID}),({ID})", text)
     if pair:
         return Question("", (int(pair[1]), int(pair[2])))
     raise typer.BadParameter(
@@ -152,7 +154,7 @@ def _print_pair(answered: PairExplanation, graph: SGraph) -> None:
         return
     typer.echo(f"{one} and {two} of {graph.name or 'map'} are {answered.distance_m:.2f} m apart")
     typer.echo(_sight(answered.sight))
-    table = _table("", "relation", "probability", "log-odds", f"{one} is in", f"{two} is in")
+    table = _table("", "relation", "probability", "scored log-odds", f"{one} is in", f"{two} is in")
     for relation in answered.relations:
         link = relation.link
         score = (
@@ -190,33 +192,33 @@ def _not_scored(sight: Sight, distance_m: float) -> str:
 def _reason(relation: Relation, answered: PairExplanation) -> str:
     """Return why the clusterer went against the relation of two surfaces; empty if it did not."""
     concept, balance = relation.concept, relation.balance
-    likely = relation.link is not None and relation.link.logit > 0
+    scored_for = relation.link is not None and relation.link.scored_for
     if relation.strays:
         held = dict(zip((answered.one, answered.two), relation.nodes, strict=True))
         strays = [
             _stray(f"a piece of {surface}" if held[surface] else str(surface), links, concept)
             for surface, links in relation.strays
         ]
-        return f"likely, but {' and '.join(strays)}"
+        return f"scored for, but {' and '.join(strays)}"
     if balance is None:
-        apart = likely and not relation.shared
-        return f"likely, but the clusterer makes no {concept} of the two" if apart else ""
+        apart = scored_for and not relation.shared
+        return f"scored for, but the clusterer makes no {concept} of the two" if apart else ""
     count = len(balance.links)
     links = f"{count} link{'' if count == 1 else 's'}, log-odds {balance.total:+.1f} in sum"
     if relation.shared:
-        score = "not scored" if relation.link is None else "unlikely"
+        score = "not scored" if relation.link is None else "scored against"
         return (
             f"{score}, but {answered.one} and the rest of {_nodes(concept, relation.shared)} "
             f"have {links}, the strongest {_named(balance.links[:MOST_LINKS])}"
         )
     one, two = (_nodes(concept, nodes) for nodes in relation.nodes)
     weakest = _named(balance.links[: -MOST_LINKS - 1 : -1])
-    return f"likely, but {one} and {two} have {links}, the weakest {weakest}"
+    return f"scored for, but {one} and {two} have {links}, the weakest {weakest}"
 
 
 def _stray(name: str, balance: Balance, concept: str) -> str:
-    likely = [link for link in balance.links if link.logit > 0]
-    return f"{name} is in no {concept} (likely links: {_named(likely[:MOST_LINKS])})"
+    scored_for = [link for link in balance.links if link.scored_for]
+    return f"{name} is in no {concept} (scored for: {_named(scored_for[:MOST_LINKS])})"
 
 
 # -- words -----------------------------------------------------------------------------------------

@@ -96,10 +96,12 @@ class Registry:
 
     Args:
         encoder: version of the shared encoder that is installed; heads of another are refused.
-        builtins: references of the parts that declarations may name, by their bare name.
+        builtins: references of the parts that declarations may name, by kind and bare name.
     """
 
-    def __init__(self, encoder: str, builtins: Mapping[str, str] | None = None) -> None:
+    def __init__(
+        self, encoder: str, builtins: Mapping[str, Mapping[str, str]] | None = None
+    ) -> None:
         self.encoder = encoder
         self.problems: list[PluginProblem] = []
         self._builtins = dict(builtins or {})
@@ -258,7 +260,7 @@ class Registry:
         chosen = reference or getattr(self[name].spec, kind)
         if chosen is None:
             raise ConceptError(f"concept {name!r} has no {kind}")
-        return resolve(chosen, self._builtins, f"{kind} of concept {name!r}")
+        return resolve(chosen, self._builtins.get(kind, {}), f"{kind} of concept {name!r}")
 
 
 def _precedence(entry_point: EntryPoint) -> tuple[bool, str, str]:

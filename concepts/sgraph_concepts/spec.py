@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Mapping
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
@@ -130,12 +131,12 @@ class ConceptSpec(_Frozen):
         return self
 
 
-def resolve(reference: str, builtins: dict[str, str], used_by: str) -> Any:
+def resolve(reference: str, builtins: Mapping[str, str], used_by: str) -> Any:
     """Return the object that a reference names.
 
     Args:
         reference: ``package.module:attribute`` or the bare name of a built-in.
-        builtins: references of the built-in parts by name.
+        builtins: references of the built-in parts of the kind wanted, by name.
         used_by: who asks, for the error's text, such as ``clusterer of concept 'room'``.
 
     Raises:

@@ -6,8 +6,9 @@ equal width and compare, in each, their mean with the share that came true.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +19,7 @@ from sgraph_core.graph import Truth
 
 __all__ = [
     "BINS",
+    "TRUE_RELATIONS",
     "UNDECIDED",
     "Calibration",
     "Reliability",
@@ -122,7 +124,7 @@ def edges_calibration(
         truth: of the map.
     """
     edges, undecided = {}, {}
-    for concept, look_up in (("room", same_room), ("wall", same_wall)):
+    for concept, look_up in TRUE_RELATIONS.items():
         if concept not in relations:
             continue
         relation = relations[concept]
@@ -180,3 +182,9 @@ def same_wall(surfaces: IntArray, truth: Truth) -> tuple[Bools, Bools]:
     pairs = [frozenset(pair) for pair in surfaces.tolist()]
     known = np.array([pair <= labelled for pair in pairs], bool)
     return known, np.array([pair in walls for pair in pairs], bool)
+
+
+TRUE_RELATIONS: Mapping[str, Callable[[IntArray, Truth], tuple[Bools, Bools]]] = MappingProxyType(
+    {"room": same_room, "wall": same_wall}
+)
+"""By concept, how to look up in a map's truth what its relation is; no other concept has one."""

@@ -14,7 +14,7 @@ from sgraph_concepts.spec import ConfidenceSpec
 from sgraph_concepts.types import FloatArray
 from sgraph_core.clustering.confidence import evidence
 from sgraph_core.detector import Detector
-from sgraph_core.evaluation.calibration import same_room, same_wall
+from sgraph_core.evaluation.calibration import TRUE_RELATIONS
 from sgraph_core.evaluation.scores import Judged, score_floor
 from sgraph_core.evaluation.sources import find_sources, load_with_truth
 
@@ -44,7 +44,7 @@ def gather_outcomes(
     detector: Detector,
     progress: Callable[[str, int, int], object],
 ) -> dict[str, Outcomes]:
-    """Infer maps and return what came true of the concepts room and wall.
+    """Infer maps and return what came true of the concepts room and wall, where installed.
 
     Args:
         paths: map files with truth, or folders of them.
@@ -53,22 +53,28 @@ def gather_outcomes(
         progress: told after every map.
 
     Raises:
-        InputError: a map has no truth, a folder no map, or a list names none of them.
+        InputError: a map has no truth, a folder no map, a list names none of them, or neither
+            concept is installed.
         MapFileError: a map cannot be read.
     """
-    outcomes = {"room": Outcomes(), "wall": Outcomes()}
+    outcomes: dict[str, Outcomes] = {}
     files = [file for source in find_sources(paths, only) for file in source.files]
     for done, file in enumerate(files, start=1):
         graph, truth = load_with_truth(file)
         trace = detector.trace(graph)
         judged = score_floor(trace.graph, truth).judged
         surfaces = trace.scene.surfaces.ids[trace.scene.pairs]
-        for concept, look_up in (("room", same_room), ("wall", same_wall)):
+        for concept, look_up in TRUE_RELATIONS.items():
+            if concept not in trace.relations:
+                continue
             known, related = look_up(surfaces, truth)
-            outcomes[concept].logits.append(trace.relations[concept].logits[known])
-            outcomes[concept].related.append(related[known])
-            outcomes[concept].judged.extend(judged[concept])
+            found = outcomes.setdefault(concept, Outcomes())
+            found.logits.append(trace.relations[concept].logits[known])
+            found.related.append(related[known])
+            found.judged.extend(judged[concept])
         progress("evaluating", done, len(files))
+    if not outcomes:
+        raise InputError(f"none of the concepts {', '.join(TRUE_RELATIONS)} is installed")
     return outcomes
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import importlib.resources
+from collections.abc import Mapping, Sequence
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +14,21 @@ from numpy.typing import NDArray
 from sgraph_concepts.errors import WeightsError
 from sgraph_concepts.registry import RegisteredConcept
 from sgraph_concepts.types import Scene, ScoredEdges
-from sgraph_core.features import FeatureSet, edge_features, edge_index, node_features
+from sgraph_core.features import (
+    EDGE_FEATURES,
+    NODE_FEATURES,
+    FeatureSet,
+    edge_features,
+    edge_index,
+    node_features,
+)
 from sgraph_core.network import ENCODER_VERSION
 from sgraph_core.proximity import Neighbours
 
 __all__ = ["Inputs", "Network"]
 
+INPUTS = ("x", "edge_index", "edge_attr")
+"""Names of the inputs of encoder and heads."""
 Inputs = dict[str, NDArray[Any]]
 """Of the encoder: x [N, F_v], edge_index [2, 2E], edge_attr [2E, F_e]."""
 
@@ -38,7 +48,7 @@ class Network:
         threads: threads that ONNX Runtime may use for one scene.
 
     Raises:
-        WeightsError: the file is absent, damaged or of another version.
+        WeightsError: the file is absent, damaged, no encoder, or of another version.
     """
 
     features: FeatureSet
@@ -47,9 +57,13 @@ class Network:
     def __init__(self, folder: Path | None = None, threads: int = 1) -> None:
         self._folder, self._threads = folder, threads
         shipped = importlib.resources.files("sgraph_core") / "weights"
-        self._encoder, metadata = self._open((folder or shipped) / "encoder.onnx")
-        self.features = cast(FeatureSet, metadata["features"])
-        self.neighbours = cast(Neighbours, metadata["neighbours"])
+        file = (folder or shipped) / "encoder.onnx"
+        self._encoder, metadata = self._open(file, ["nodes", "edges"])
+        self.features = _stored(metadata, "features", get_args(FeatureSet), file)
+        self.neighbours = _stored(metadata, "neighbours", get_args(Neighbours), file)
+        nodes, edges = NODE_FEATURES[self.features], EDGE_FEATURES[self.features]
+        _check_widths(self._encoder, len(nodes), len(edges), file)
+        self._hidden = self._encoder.get_outputs()[0].shape[1]
         self._fingerprint = metadata.get("encoder_fingerprint", "")
         self._heads: dict[str, Any] = {}
 
@@ -75,7 +89,8 @@ class Network:
         """Return the relation of one concept, from what :meth:`encode` returned for the scene.
 
         Raises:
-            WeightsError: the head's file is absent, damaged, or was trained on another encoder.
+            WeightsError: the head's file is absent, damaged, no head, or was trained on another
+                encoder.
         """
         name = concept.spec.name
         if name not in self._heads:
@@ -92,16 +107,18 @@ class Network:
             file = concept.weights_file()
         else:
             file = self._folder / f"{concept.spec.name}.onnx"
-        session, metadata = self._open(file)
+        session, metadata = self._open(file, ["logits"])
         if metadata.get("encoder_fingerprint") != self._fingerprint:
             raise WeightsError(
                 f"{file.name} of concept {concept.spec.name!r} was trained on other encoder "
                 f"weights than the installed ones: train it again with "
                 f"'sgraph train --concept {concept.spec.name}'"
             )
+        _check_widths(session, self._hidden, self._hidden, file)
         return session
 
-    def _open(self, file: Traversable) -> tuple[Any, dict[str, str]]:
+    def _open(self, file: Traversable, outputs: Sequence[str]) -> tuple[Any, dict[str, str]]:
+        """Return a model that gives these outputs, and its metadata."""
         import onnxruntime
 
         try:
@@ -124,4 +141,31 @@ class Network:
                 f"{file}: is of encoder version {metadata.get('encoder')!r}, "
                 f"but version {ENCODER_VERSION!r} is installed"
             )
+        taken = [tensor.name for tensor in session.get_inputs()]
+        given = [tensor.name for tensor in session.get_outputs()]
+        if set(taken) != set(INPUTS) or given != outputs:
+            raise WeightsError(
+                f"{file}: takes {', '.join(taken)} and gives {', '.join(given)}, "
+                f"but must take {', '.join(INPUTS)} and give {', '.join(outputs)}"
+            )
         return session, metadata
+
+
+def _stored(metadata: Mapping[str, str], key: str, known: Sequence[str], file: Traversable) -> Any:
+    """Return what an encoder's file says that it was trained with."""
+    value = metadata.get(key)
+    if value not in known:
+        rule = f"must be one of {', '.join(known)}: train it again with 'sgraph train'"
+        raise WeightsError(f"{file}: {key} = {value!r}: {rule}")
+    return value
+
+
+def _check_widths(session: Any, nodes: int, edges: int, file: Traversable) -> None:
+    """Check that a model takes as many features of a node and of an edge as it is given."""
+    shapes = {tensor.name: tensor.shape for tensor in session.get_inputs()}
+    found = shapes["x"][-1], shapes["edge_attr"][-1]
+    if found != (nodes, edges):
+        raise WeightsError(
+            f"{file}: takes {found[0]} features of a node and {found[1]} of an edge, "
+            f"but is given {nodes} and {edges}"
+        )

@@ -98,7 +98,20 @@ def test_what_does_not_exist_gets_one_line_and_nothing_is_written(
 
 
 @pytest.mark.parametrize(
-    "question", ["", "room", "room:", "room:x", ":3", "1", "1,", "1,2,3", "-1,2"]
+    "question",
+    [
+        "",
+        "room",
+        "room:",
+        "room:x",
+        ":3",
+        "1",
+        "1,",
+        "1,2,3",
+        "-1,2",
+        "room:" + "9" * 5000,
+        "1," + "9" * 5000,
+    ],
 )
 def test_malformed_questions_are_bad_usage(sgraph: Any, block_map: Path, question: str) -> None:
     result = sgraph("infer", block_map, "--explain", question)

@@ -120,6 +120,14 @@ def test_the_order_does_not_depend_on_the_order_of_installation(plugins: _Plugin
     assert [c.spec.name for c in load()] == ["corridor", "room", "wall"]
 
 
+def test_a_built_in_part_serves_as_what_it_is_only() -> None:
+    result = Registry("1", {"clusterer": {"tau": "math:tau"}, "factor": {"pi": "math:pi"}})
+    result.add(concept("room"))
+    assert result.part("room", "clusterer", "tau") > 6
+    with pytest.raises(ConceptError, match=r"'pi' is neither .* nor a built-in \(known: tau\)"):
+        result.part("room", "clusterer", "pi")
+
+
 def test_unknown_concepts_and_parts_are_named() -> None:
     result = Registry(encoder="1")
     result.add(concept("room"))

@@ -13,6 +13,7 @@ from plans import block, plan, rectangle
 from sgraph_concepts.errors import InputError
 from sgraph_concepts.spec import ConceptSpec, ConfidenceSpec, HeadSpec
 from sgraph_concepts.types import ConceptNode, ScoredEdges
+from sgraph_core import map_file
 from sgraph_core.clustering.confidence import probability_right
 from sgraph_core.concepts import installed, new_registry
 from sgraph_core.detector import Detector
@@ -24,7 +25,12 @@ from sgraph_core.evaluation.calibration import (
     same_room,
     same_wall,
 )
-from sgraph_core.evaluation.fitting import fit_confidence, fit_relation
+from sgraph_core.evaluation.fitting import (
+    Outcomes,
+    fit_confidence,
+    fit_relation,
+    gather_outcomes,
+)
 from sgraph_core.evaluation.scores import Judged, score_floor
 from sgraph_core.evaluation.sources import absent_names, find_sources
 from sgraph_core.graph import SGraph, TrueRoom, Truth
@@ -244,6 +250,25 @@ def test_a_relation_is_fitted_to_what_came_true() -> None:
     logits = rng.normal(0, 3, 20_000)
     related = rng.random(len(logits)) < 1 / (1 + np.exp(-(0.7 + 1.5 * logits)))
     assert fit_relation(logits, related) == pytest.approx((0.7, 1.5), abs=0.06)
+
+
+def test_outcomes_are_those_of_the_installed_concepts(tmp_path: Path) -> None:
+    file = tmp_path / "block.json"
+    map_file.save(block(0.15), file)
+
+    def outcomes(*concepts: str) -> dict[str, Outcomes]:
+        registry = new_registry()
+        for name in concepts:
+            registry.add(installed()[name].spec, package=installed()[name].package)
+        detector = Detector(registry, calibrated=False)
+        return gather_outcomes([file], [], detector, lambda *_: None)
+
+    both, rooms = outcomes("room", "wall"), outcomes("room")
+    assert (list(both), list(rooms)) == (["room", "wall"], ["room"])
+    assert len(both["room"].judged) == len(rooms["room"].judged) == 4
+    assert rooms["room"].logits[0] == pytest.approx(both["room"].logits[0])
+    with pytest.raises(InputError, match="none of the concepts room, wall is installed"):
+        outcomes()
 
 
 def test_declared_constants_change_probabilities_and_not_what_is_found() -> None:

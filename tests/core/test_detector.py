@@ -11,6 +11,7 @@ from plans import L_SHAPE, block, members, plan, rectangle, regular, true_rooms,
 from sgraph_concepts.errors import ConceptError
 from sgraph_concepts.spec import ConceptSpec
 from sgraph_concepts.types import ConceptNode, NodeShape
+from sgraph_core import map_file
 from sgraph_core.concepts import new_registry
 from sgraph_core.detector import Detector
 from sgraph_core.graph import Pins, SGraph
@@ -142,6 +143,13 @@ def test_ids_and_names_persist_when_the_map_grows(detector: Detector) -> None:
     assert sorted(found) == [17, 18]
 
 
+def test_a_map_with_the_largest_id_is_written_readable(detector: Detector) -> None:
+    graph = block(0.15)
+    graph.concepts = {"room": [ConceptNode(2**53 - 1, (0, 1, 2, 3))]}
+    written = map_file.parse(map_file.dump(detector.infer(graph)).encode())
+    assert {node.id for node in written.concepts["room"]} == {0, 1, 2, 2**53 - 1}
+
+
 def test_names_that_a_person_pinned_win(detector: Detector) -> None:
     graph = plan(rectangle(0, 0, 5, 4))
     graph.pins = Pins(room_names={0: "lab"})
@@ -183,12 +191,25 @@ def test_a_concept_may_group_another_ones_nodes() -> None:
     assert result.networkx()[("floor", 0)][("zone", 0)]["link"] == "member"
 
 
+def test_where_there_are_no_nodes_to_group_there_is_none() -> None:
+    result = detector_with(clusterer="zone:no_nodes").infer(block(0.1))
+    assert result.concepts == {"zone": [], "floor": []}
+
+
 @pytest.mark.parametrize(
     ("part", "message"),
     [
         ({"baseline": "zone:too_few"}, r"baseline of concept 'zone' must return \d+ finite"),
         ({"clusterer": "zone:nowhere"}, "clusterer of concept 'zone' returned a row that does not"),
         ({"clusterer": "zone:overlapping"}, "put a row into two clusters"),
+        ({"clusterer": "zone:nobody"}, "returned a cluster without members"),
+        ({"clusterer": "zone:too_sure"}, "returned a confidence that is not from 0 to 1"),
+        ({"clusterer": "zone:bare_rows"}, "must return a list of Cluster"),
+        ({"clusterer": "os:getcwd"}, r"clusterer of concept 'zone' fails: .*arguments"),
+        ({"clusterer": "os:name"}, "clusterer of concept 'zone' fails: 'str' object is not"),
+        ({"clusterer": "published"}, r"nor a built-in \(known: cycles\)"),
+        ({"baseline": "os:getcwd"}, "baseline of concept 'zone' fails"),
+        ({"shape": "os:getcwd"}, "shape of concept 'zone' fails"),
         ({"shape": "zone:no_shape"}, "shape of concept 'zone' must return a NodeShape"),
         ({"shape": "zone:missing"}, "has no attribute 'missing'"),
     ],

@@ -9,10 +9,10 @@ import pytest
 from plans import block, plan, rectangle
 
 from sgraph_concepts.errors import ConceptError, InputError
-from sgraph_concepts.spec import ConceptSpec
+from sgraph_concepts.spec import ConceptSpec, HeadSpec
 from sgraph_concepts.types import ConceptNode
 from sgraph_core import map_file
-from sgraph_core.concepts import new_registry
+from sgraph_core.concepts import installed, new_registry
 from sgraph_core.detector import Detector
 from sgraph_core.explain import Link, Member, PairExplanation, Relation, explain_node, explain_pair
 from sgraph_core.graph import SGraph
@@ -35,7 +35,7 @@ def relation(explained: PairExplanation, concept: str) -> Relation:
 
 
 def detector_of_two_zones(**parts: str) -> Detector:
-    """Return a detector of zones: surfaces with ids below 4, and the others; all are likely."""
+    """Return a detector of zones: surfaces with ids below 4, and the others; all pairs score +1."""
     registry = new_registry()
     declared = {"baseline": "zone:everything", "clusterer": "zone:two_nodes", **parts}
     registry.add(ConceptSpec(name="zone", relation="same_zone", **declared))
@@ -97,7 +97,7 @@ def test_the_probability_is_the_scored_one(detector: Detector) -> None:
         assert link.probability == pytest.approx(probability)
 
 
-def test_likely_but_apart_the_links_between_both_nodes_are_added_up() -> None:
+def test_scored_for_but_apart_the_links_between_both_nodes_are_added_up() -> None:
     graph = plan(*TWO_ROOMS)
     zones = detector_of_two_zones()
     found = relation(explained_pair(graph, zones, 1, 7), "zone")
@@ -110,7 +110,7 @@ def test_likely_but_apart_the_links_between_both_nodes_are_added_up() -> None:
     assert found.balance.mean_probability == pytest.approx(1 / (1 + np.exp(-1)))
 
 
-def test_likely_but_apart_a_surface_in_no_node_is_named_with_its_links() -> None:
+def test_scored_for_but_apart_a_surface_in_no_node_is_named_with_its_links() -> None:
     graph = plan(*TWO_ROOMS)
     zones = detector_of_two_zones(clusterer="zone:first_node")
     found = relation(explained_pair(graph, zones, 1, 7), "zone")
@@ -123,7 +123,7 @@ def test_likely_but_apart_a_surface_in_no_node_is_named_with_its_links() -> None
     )
 
 
-def test_unlikely_but_together_the_links_to_the_rest_of_the_node_are_added_up() -> None:
+def test_scored_against_but_together_the_links_to_the_rest_of_the_node_are_added_up() -> None:
     zones = detector_of_two_zones(baseline="zone:nothing")
     found = relation(explained_pair(plan(*TWO_ROOMS), zones, 0, 2), "zone")
     assert found.shared == (0,)
@@ -132,6 +132,18 @@ def test_unlikely_but_together_the_links_to_the_rest_of_the_node_are_added_up() 
         Link(0, other, -1.0, pytest.approx(0.269, abs=1e-3)) for other in (1, 2, 3)
     )
     assert found.balance.total == -3.0
+
+
+def test_what_counts_is_the_score_and_not_the_calibrated_probability() -> None:
+    registry, installed_room = new_registry(), installed()["room"]
+    head = HeadSpec(weights="room.onnx", encoder="1", intercept=-20.0, slope=1.0)
+    spec = installed_room.spec.model_copy(update={"head": head})
+    registry.add(spec, package=installed_room.package)
+    found = relation(explained_pair(plan(rectangle(0, 0, 5, 4)), Detector(registry), 0, 2), "room")
+    assert found.link is not None
+    assert found.link.probability < 0.5
+    assert found.link.scored_for
+    assert (found.shared, found.balance) == ((0,), None)
 
 
 def test_what_the_clusterer_agrees_with_is_not_balanced() -> None:

@@ -85,6 +85,15 @@ def test_every_field_survives_reading_and_writing() -> None:
     assert json.loads(map_file.dump(parse(FULL))) == FULL
 
 
+def test_any_text_survives_reading_and_writing_escaped_or_not() -> None:
+    document = copy.deepcopy(FULL)
+    document["name"] = "\U0001f6aa \u0000 \\ud800"
+    escaped = json.dumps(document, ensure_ascii=True)
+    written = json.dumps(document, ensure_ascii=False)
+    for text in (escaped, written):
+        assert json.loads(map_file.dump(map_file.parse(text.encode()))) == document
+
+
 def test_what_is_absent_stays_absent() -> None:
     least = {"format": "sgraph-map", "version": 1, "units": "m", "wall_surfaces": []}
     assert json.loads(map_file.dump(parse(least))) == least
@@ -208,6 +217,22 @@ MUTATIONS: list[tuple[Callable[[dict[str, Any]], None], str]] = [
         "pins.not_same_room[0] = [12, 31]: contradicts same_room [12, 40], [40, 31]",
     ),
     (_set("pins/room_names", {"x": "y"}), 'pins.room_names = "x": key must be a room id'),
+    (
+        _set("pins/room_names", {str(2**53): "y"}),
+        'pins.room_names = "9007199254740992": key must be a room id, an integer from 0 to 9007199',
+    ),
+    (_set("pins/room_names", {"9" * 5000: "y"}), "...: key must be a room id"),
+    (_set("pins/room_names", {"05": "y"}), 'pins.room_names = "05": key must be a room id'),
+    (_set("name", "a\ud800"), 'name = "a\\ud800": must hold no lone surrogate'),
+    (
+        _set("concepts/room/0/attributes/tags/2/b", ["\udfff"]),
+        'concepts.room[0].attributes.tags[2].b[0] = "\\udfff": must hold no lone surrogate',
+    ),
+    (
+        _set("concepts/room/0/attributes/\ud800", 1),
+        'concepts.room[0].attributes = "\\ud800": must hold no lone surrogate',
+    ),
+    (_set("concepts/\ud800", []), 'concepts = "\\ud800": must hold no lone surrogate'),
     (_set("truth/rooms/0/members", [1]), "truth.rooms[0].members[0] = 1: must be the id"),
     (_set("truth/walls/0", [12, 12]), "truth.walls[0] = [12, 12]: must be two surfaces"),
 ]

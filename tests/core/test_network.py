@@ -199,6 +199,54 @@ def test_weights_of_another_version_are_refused(
         Network(tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("features", None, "features = None: must be one of visibility, frame, paper"),
+        ("features", "colour", "features = 'colour': must be one of visibility, frame, paper"),
+        ("neighbours", None, "neighbours = None: must be one of visible, nearest"),
+        ("features", "paper", "takes 5 features of a node and 28 of an edge, but is given 3 and 3"),
+    ],
+)
+def test_an_encoder_of_other_features_is_refused(
+    exported: tuple[Encoder, Head, Path],
+    tmp_path: Path,
+    key: str,
+    value: str | None,
+    message: str,
+) -> None:
+    model = onnx.load(str(exported[2] / "encoder.onnx"))
+    stored = {entry.key: entry.value for entry in model.metadata_props}
+    stored = {name: text for name, text in {**stored, key: value}.items() if text is not None}
+    onnx.helper.set_model_props(model, stored)
+    onnx.save(model, str(tmp_path / "encoder.onnx"))
+    with pytest.raises(WeightsError, match=message):
+        Network(tmp_path)
+
+
+def test_models_of_another_form_are_refused(
+    exported: tuple[Encoder, Head, Path], tmp_path: Path
+) -> None:
+    encoder, _, folder = exported
+    (tmp_path / "encoder.onnx").write_bytes((folder / "head.onnx").read_bytes())
+    with pytest.raises(WeightsError, match=r"and gives logits, but must .* nodes, edges$"):
+        Network(tmp_path)
+    (tmp_path / "encoder.onnx").write_bytes((folder / "encoder.onnx").read_bytes())
+    (tmp_path / "room.onnx").write_bytes((folder / "encoder.onnx").read_bytes())
+    with pytest.raises(
+        WeightsError, match=r"room\.onnx: takes .* and gives nodes, edges, but must"
+    ):
+        Detector(weights=tmp_path).infer(SCENES[0], ["room"])
+    narrow = Encoder(hidden=8, layers=3)
+    export_head(Head(width=8, hidden=8), narrow, tmp_path / "room.onnx")
+    model = onnx.load(str(tmp_path / "room.onnx"))
+    print_of = {"encoder": ENCODER_VERSION, "encoder_fingerprint": fingerprint(encoder)}
+    onnx.helper.set_model_props(model, print_of)
+    onnx.save(model, str(tmp_path / "room.onnx"))
+    with pytest.raises(WeightsError, match=r"takes 8 features of a node .* given 16 and 16"):
+        Detector(weights=tmp_path).infer(SCENES[0], ["room"])
+
+
 def test_exported_files_hold_no_paths_of_the_machine(
     exported: tuple[Encoder, Head, Path],
 ) -> None:

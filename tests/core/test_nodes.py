@@ -36,6 +36,18 @@ def test_a_node_that_shares_too_little_is_new_and_old_ids_are_not_used_again() -
     assert ids(keep_identity(nodes((4, 5, 6)), old, {})) == {(4, 5, 6): 9}
 
 
+def test_beyond_the_largest_id_the_lowest_free_ones_are_used() -> None:
+    old = [ConceptNode(2**53 - 2, (1, 2, 3)), ConceptNode(1, (4, 5, 6))]
+    found = keep_identity(nodes((1, 2, 3), (4, 5, 6), (7, 8), (9, 10), (11, 12)), old, {0: "a"})
+    assert ids(found) == {
+        (1, 2, 3): 2**53 - 2,
+        (4, 5, 6): 1,
+        (7, 8): 2**53 - 1,
+        (9, 10): 2,
+        (11, 12): 3,
+    }
+
+
 def test_a_node_with_a_name_persists_before_one_without() -> None:
     old = [ConceptNode(0, (1, 2, 3, 4)), ConceptNode(1, (5, 6, 7), "kitchen")]
     merged = keep_identity(nodes((1, 2, 3, 4, 5, 6, 7)), old, {})

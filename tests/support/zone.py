@@ -51,6 +51,18 @@ def overlapping(_edges: ScoredEdges, _scene: Scene) -> list[Cluster]:
     return [Cluster((0, 1), 0.5), Cluster((1, 2), 0.5)]
 
 
+def nobody(_edges: ScoredEdges, _scene: Scene) -> list[Cluster]:
+    return [Cluster((), 0.5)]
+
+
+def too_sure(_edges: ScoredEdges, _scene: Scene) -> list[Cluster]:
+    return [Cluster((0, 1), 1.5)]
+
+
+def bare_rows(_edges: ScoredEdges, _scene: Scene) -> list[tuple[int, ...]]:
+    return [(0, 1)]
+
+
 def no_shape(_rows: IntArray, _scene: Scene) -> str:
     return "round"
 
