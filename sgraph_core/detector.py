@@ -51,6 +51,7 @@ class Trace:
         relations: over the scene's pairs, as scored, by concept that groups wall surfaces.
         clusters: what the concept's clusterer found, by concept that groups wall surfaces and by
             the members of the node that it gives.
+        pins: what was pinned, of the surfaces that preprocessing kept.
     """
 
     graph: SGraph
@@ -58,6 +59,7 @@ class Trace:
     scene: Scene
     relations: Mapping[str, ScoredEdges]
     clusters: Mapping[str, Mapping[frozenset[int], Cluster]]
+    pins: RoomPins
 
 
 class Detector:
@@ -134,7 +136,7 @@ class Detector:
             result.concepts[name] = keep_identity(nodes, graph.concepts.get(name, []), names)
             if groups != WALL_SURFACE:
                 result.groups[name] = groups
-        return Trace(result, fragments, run.scene, run.relations, run.clusters)
+        return Trace(result, fragments, run.scene, run.relations, run.clusters, room_pins)
 
     def score(self, concept: RegisteredConcept, scene: Scene) -> ScoredEdges:
         """Return a concept's relation over the pairs of a scene of wall surfaces."""

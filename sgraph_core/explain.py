@@ -21,6 +21,7 @@ from sgraph_core.detector import Detector, Trace
 from sgraph_core.geometry import closest_distances
 from sgraph_core.graph import SGraph
 from sgraph_core.openings import Opening, openings, surfaces_along
+from sgraph_core.pins import PINNED_CONCEPT, Pinned
 from sgraph_core.sight import Sight, sight
 from sgraph_core.visibility import visibility
 
@@ -91,6 +92,8 @@ class Relation:
             their nodes; if they are together, the links of the one to the rest of the node.
         strays: where the two are scored for and apart, those of them that are in no node, with all
             their links.
+        pinned: what the two are pinned to be, directly or over other surfaces; a pin is reason
+            enough, so there is no balance, and no stray.
 
     Where nodes may share surfaces, a clusterer need not choose: there is no balance, and no stray.
     """
@@ -101,6 +104,7 @@ class Relation:
     nodes: tuple[tuple[int, ...], tuple[int, ...]]
     balance: Balance | None = None
     strays: tuple[tuple[int, Balance], ...] = ()
+    pinned: Pinned | None = None
 
     @property
     def shared(self) -> tuple[int, ...]:
@@ -136,11 +140,13 @@ class Member:
         id: its id.
         copy_of: id of the surface that preprocessing kept instead of it, if any.
         support: its links, or those of the surface kept instead, to the other members.
+        pinned: ids of the other members that it is pinned together with.
     """
 
     id: int
     copy_of: int | None
     support: Balance
+    pinned: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -151,11 +157,13 @@ class Outsider:
         id: its id.
         support: its links to the node's members.
         own: its links to the rest of its own group, where it can be in one node only.
+        pinned: ids of the members that it is pinned apart from.
     """
 
     id: int
     support: Balance
     own: Balance | None
+    pinned: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,7 +189,8 @@ class NodeExplanation:
         concept: the concept's name.
         node: the node.
         members: by id.
-        weakest: id of the member with the least support, among three or more.
+        weakest: id of the member with the least support, among three or more; those that are pinned
+            together with others are passed over.
         outsider: the surface outside with the most support; None if nothing is linked to the node.
         border: the openings in the border of the node's polygon.
     """
@@ -216,15 +225,16 @@ def explain_node(graph: SGraph, detector: Detector, concept: str, node_id: int) 
     if cluster is None:
         raise InputError(f"{concept} {node_id} is not what inference finds in this map")
     rows = np.array(cluster.members, np.int64)
-    members = tuple(_member(surface, concept, rows, trace) for surface in node.members)
+    members = tuple(_member(surface, node, concept, rows, trace) for surface in node.members)
     counted = [m for m in members if m.copy_of not in node.members]
-    weakest = min(counted, key=lambda m: (m.support.total, m.id)).id if len(counted) > 2 else None
+    free = [m for m in counted if not m.pinned] if len(counted) > 2 else []
+    weakest = min(free, key=lambda m: (m.support.total, m.id), default=None)
     return NodeExplanation(
         concept,
         node,
         members,
-        weakest,
-        _outsider(detector.registry[concept], rows, trace),
+        None if weakest is None else weakest.id,
+        _outsider(node, detector.registry[concept], rows, trace),
         _border(node.shape, rows, trace),
     )
 
@@ -270,6 +280,12 @@ def _rows(surface: int, trace: Trace) -> IntArray:
     """Return the rows of a surface's pieces, or of those of the surface it is a copy of."""
     kept = trace.fragments.duplicates.get(surface, surface)
     return np.flatnonzero(trace.scene.surfaces.ids == kept)
+
+
+def _pinned(one: int, two: int, concept: str, trace: Trace) -> Pinned | None:
+    """Return what two surfaces, or those that they are copies of, are pinned to be."""
+    kept = (trace.fragments.duplicates.get(surface, surface) for surface in (one, two))
+    return trace.pins.between(*kept) if concept == PINNED_CONCEPT else None
 
 
 def _linking(ones: IntArray, twos: IntArray, trace: Trace) -> IntArray:
@@ -325,6 +341,9 @@ def _relation(
         link = Link(*surfaces, float(logit), float(probability))
     scored_for = link is not None and link.scored_for
     found = Relation(spec.name, spec.relation, link, (one, two))
+    pinned = _pinned(*surfaces, spec.name, trace)
+    if pinned == ("together" if found.shared else "apart"):  # pieces of split surfaces may differ
+        return replace(found, pinned=pinned)
     if not spec.exclusive or scored_for == bool(found.shared):
         return found
     if found.shared:
@@ -360,13 +379,23 @@ def _holders(surface: int, concept: str, graph: SGraph) -> tuple[int, ...]:
 # -- a node ----------------------------------------------------------------------------------------
 
 
-def _member(surface: int, concept: str, rows: IntArray, trace: Trace) -> Member:
+def _member(surface: int, node: ConceptNode, concept: str, rows: IntArray, trace: Trace) -> Member:
     own = rows[np.isin(rows, _rows(surface, trace))]
     support = _balance(own, _without(rows, own), concept, trace)
-    return Member(surface, trace.fragments.duplicates.get(surface), support)
+    pinned = _pinned_members(surface, "together", node, concept, trace)
+    return Member(surface, trace.fragments.duplicates.get(surface), support, pinned)
 
 
-def _outsider(concept: RegisteredConcept, rows: IntArray, trace: Trace) -> Outsider | None:
+def _pinned_members(
+    surface: int, pinned: Pinned, node: ConceptNode, concept: str, trace: Trace
+) -> tuple[int, ...]:
+    """Return the members of a node that a surface is pinned together with, or apart from."""
+    return tuple(m for m in node.members if _pinned(surface, m, concept, trace) == pinned)
+
+
+def _outsider(
+    node: ConceptNode, concept: RegisteredConcept, rows: IntArray, trace: Trace
+) -> Outsider | None:
     """Return the surface outside a cluster whose links to it have the greatest sum."""
     name, scene = concept.spec.name, trace.scene
     inside = np.isin(scene.pairs, rows)
@@ -382,7 +411,8 @@ def _outsider(concept: RegisteredConcept, rows: IntArray, trace: Trace) -> Outsi
     if concept.spec.exclusive:
         own = _balance(alone, _without(_group(row, name, trace), alone), name, trace)
     surface = int(scene.surfaces.ids[row])
-    return Outsider(surface, _balance(alone, rows, name, trace), own)
+    pinned = _pinned_members(surface, "apart", node, name, trace)
+    return Outsider(surface, _balance(alone, rows, name, trace), own, pinned)
 
 
 def _border(shape: NodeShape, rows: IntArray, trace: Trace) -> tuple[BorderOpening, ...]:

@@ -11,17 +11,20 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
 from itertools import pairwise
+from typing import Literal
 
 from sgraph_concepts.errors import InputError
 from sgraph_concepts.spec import WALL_SURFACE
 from sgraph_core.graph import Pins
 
-__all__ = ["PINNED_CONCEPT", "PinError", "RoomPins", "check_pins"]
+__all__ = ["PINNED_CONCEPT", "PinError", "Pinned", "RoomPins", "check_pins"]
 
 PINNED_CONCEPT = "room"
 """The concept that the names of the pins speak of."""
 
 Pair = tuple[int, int]
+Pinned = Literal["together", "apart"]
+"""What two surfaces are pinned to be."""
 
 
 class PinError(InputError):
@@ -82,6 +85,21 @@ class RoomPins:
     def apart(self) -> list[tuple[int, int]]:
         """The pairs of surfaces that no room holds both of."""
         return self._apart
+
+    def group(self, surface: int) -> frozenset[int]:
+        """Return the surfaces that one room holds together with a surface, and itself."""
+        return next((group for group in self.groups if surface in group), frozenset({surface}))
+
+    def between(self, one: int, two: int) -> Pinned | None:
+        """Return what two surfaces are pinned to be, directly or over their groups."""
+        if one == two:
+            return None
+        ones, twos = self.group(one), self.group(two)
+        if two in ones:
+            return "together"
+        if any(ones.intersection(pair) and twos.intersection(pair) for pair in self._apart):
+            return "apart"
+        return None
 
     def let_stand(self, original: int, copy: int) -> bool:
         """Return whether one surface may stand for another, whose pins it then takes over."""

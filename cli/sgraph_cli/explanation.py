@@ -96,6 +96,7 @@ def _print_node(answered: NodeExplanation, graph: SGraph) -> None:
     for member in answered.members:
         support, strongest = member.support, next(iter(member.support.links), None)
         notes = ["weakest"] if member.id == answered.weakest else []
+        notes += [f"pinned together with {_listed(member.pinned)}"] if member.pinned else []
         notes += [] if member.copy_of is None else [f"copy of {member.copy_of}"]
         table.add_row(
             str(member.id),
@@ -116,8 +117,9 @@ def _print_node(answered: NodeExplanation, graph: SGraph) -> None:
 
 def _outsider(outsider: Outsider, concept: str, graph: SGraph) -> str:
     support = outsider.support
+    pinned = f"pinned apart from {_listed(outsider.pinned)}, " if outsider.pinned else ""
     line = (
-        f"strongest outside: {_placed(outsider.id, concept, graph)}, "
+        f"strongest outside: {_placed(outsider.id, concept, graph)}, {pinned}"
         f"log-odds {support.total:+.1f} in sum, strongest link {_named(support.links[:1])}"
     )
     if outsider.own is not None and outsider.own.links:
@@ -190,7 +192,12 @@ def _not_scored(sight: Sight, distance_m: float) -> str:
 
 
 def _reason(relation: Relation, answered: PairExplanation) -> str:
-    """Return why the clusterer went against the relation of two surfaces; empty if it did not."""
+    """Return what two surfaces are pinned to be, or why the clusterer went against their relation.
+
+    Empty if neither holds.
+    """
+    if relation.pinned is not None:
+        return f"pinned {relation.pinned}"
     concept, balance = relation.concept, relation.balance
     scored_for = relation.link is not None and relation.link.scored_for
     if relation.strays:
@@ -232,6 +239,10 @@ def _table(title: str, *columns: str) -> Table:
     for column in columns:
         table.add_column(column, justify="right")
     return table
+
+
+def _listed(ids: Sequence[int]) -> str:
+    return ", ".join(map(str, ids))
 
 
 def _named(links: Sequence[Link]) -> str:

@@ -9,8 +9,13 @@ from typing import Any
 import pytest
 from plans import block, plan, rectangle
 
+from sgraph_cli.explanation import print_answer
+from sgraph_concepts.spec import ConceptSpec
 from sgraph_core import map_file
-from sgraph_core.graph import SGraph
+from sgraph_core.concepts import new_registry
+from sgraph_core.detector import Detector
+from sgraph_core.explain import explain_pair
+from sgraph_core.graph import Pins, SGraph
 
 
 @pytest.fixture
@@ -57,6 +62,59 @@ def test_a_pair_is_explained_by_what_blocks_its_view(sgraph: Any, block_map: Pat
     assert lines[1] == "0 of 16 lines of sight are free; blocked by 1 (16), 7 (16)"
     assert re.search(r"same_room +not scored +room 0 +room 1", result.stdout)
     assert lines[-1] == ("not scored: they do not see each other and are more than 0.7 m apart")
+
+
+@pytest.fixture
+def pinned_map(tmp_path: Path) -> Path:
+    graph = block(0.15)
+    graph.pins = Pins(((0, 12),), ((0, 1),))
+    file = tmp_path / "pinned.json"
+    map_file.save(graph, file)
+    return file
+
+
+@pytest.mark.parametrize(
+    ("pair", "pinned"), [("0,1", "apart"), ("1,12", "apart"), ("0,12", "together")]
+)
+def test_a_pin_is_the_reason_that_is_given(
+    sgraph: Any, pinned_map: Path, pair: str, pinned: str
+) -> None:
+    lines = sgraph("infer", pinned_map, "--explain", pair).stdout.splitlines()
+    assert [line for line in lines if line.startswith("same_room:")] == [
+        f"same_room: pinned {pinned}"
+    ]
+
+
+def test_members_and_outsiders_that_are_pinned_are_marked(sgraph: Any, pinned_map: Path) -> None:
+    room = sgraph("infer", pinned_map, "--explain", "room:0").stdout
+    assert re.search(r"^ +0 .* pinned together with 12 *$", room, re.MULTILINE)
+    assert re.search(r"^ +1[345] .* weakest *$", room, re.MULTILINE)
+    other = sgraph("infer", pinned_map, "--explain", "room:1").stdout
+    assert "strongest outside: 0 (room 0), pinned apart from 1, log-odds +" in other
+
+
+@pytest.mark.parametrize(
+    ("scores", "clusterer", "pair", "reason"),
+    [
+        ("everything", "two_nodes", (1, 7), "same_zone: scored for, but zone 0 and zone 1 have"),
+        ("everything", "first_node", (1, 7), "same_zone: scored for, but 7 is in no zone (scored"),
+        ("nothing", "two_nodes", (0, 2), "same_zone: scored against, but 0 and the rest of zone 0"),
+    ],
+)
+def test_where_the_clusterer_went_against_the_score_a_line_says_why(
+    capsys: pytest.CaptureFixture[str],
+    scores: str,
+    clusterer: str,
+    pair: tuple[int, int],
+    reason: str,
+) -> None:
+    registry = new_registry()
+    parts = {"baseline": f"zone:{scores}", "clusterer": f"zone:{clusterer}"}
+    registry.add(ConceptSpec(name="zone", relation="same_zone", **parts))
+    detector = Detector(registry)
+    graph = detector.infer(plan(rectangle(0, 0, 5, 4), rectangle(5.15, 0, 5, 4)))
+    print_answer(explain_pair(graph, detector, *pair), graph)
+    assert f"\n{reason}" in capsys.readouterr().out
 
 
 def test_files_are_written_as_without_an_explanation(

@@ -15,7 +15,7 @@ from sgraph_core import map_file
 from sgraph_core.concepts import installed, new_registry
 from sgraph_core.detector import Detector
 from sgraph_core.explain import Link, Member, PairExplanation, Relation, explain_node, explain_pair
-from sgraph_core.graph import SGraph
+from sgraph_core.graph import Pins, SGraph
 from sgraph_core.preprocess import preprocess
 from sgraph_core.proximity import build_scene
 from sgraph_core.sight import Sight, sight
@@ -166,6 +166,72 @@ def test_a_surface_mapped_twice_is_explained_as_such(detector: Detector) -> None
     assert all(len(member.support.links) == 1 for member in copied_wall.members)
 
 
+# -- pins ------------------------------------------------------------------------------------------
+
+
+def pinned_block() -> SGraph:
+    """Return the block, 0 and 12 of its first and last room pinned together, 0 and 1 apart."""
+    graph = block(0.15)
+    graph.pins = Pins(((0, 12),), ((0, 1),))
+    return graph
+
+
+@pytest.mark.parametrize(
+    ("one", "two", "pinned"),
+    [(0, 1, "apart"), (12, 1, "apart"), (0, 12, "together"), (2, 3, None), (1, 14, None)],
+)
+def test_a_pin_explains_a_pair_directly_or_over_others(
+    one: int, two: int, pinned: str | None, detector: Detector
+) -> None:
+    graph = detector.infer(pinned_block())
+    for pair in ((one, two), (two, one)):
+        explained = explain_pair(graph, detector, *pair)
+        room = relation(explained, "room")
+        assert room.pinned == pinned
+        assert bool(room.shared) == (pinned == "together" or pair in ((2, 3), (3, 2)))
+        assert relation(explained, "wall").pinned is None
+        assert pinned is None or (room.balance, room.strays) == (None, ())
+
+
+def test_what_is_pinned_in_is_not_the_weakest(detector: Detector) -> None:
+    graph = detector.infer(pinned_block())
+    explained = explain_node(graph, detector, "room", 0)
+    pinned = {member.id: member.pinned for member in explained.members}
+    assert pinned == {0: (12,), 12: (0,), 13: (), 14: (), 15: ()}
+    totals = {member.id: member.support.total for member in explained.members}
+    assert min(totals, key=lambda member: totals[member]) == 0
+    assert explained.weakest in (13, 14, 15)
+
+
+def test_a_surface_outside_that_is_pinned_apart_is_marked(detector: Detector) -> None:
+    graph = detector.infer(pinned_block())
+    outsider = explain_node(graph, detector, "room", 1).outsider
+    assert outsider is not None
+    assert (outsider.id, outsider.pinned) == (0, (1,))
+    assert outsider.support.total > 0
+
+
+def test_a_copys_pins_explain_its_original(detector: Detector) -> None:
+    graph = block(0.15)
+    graph.add_wall_surface(50, [[5.02, 0.1], [5.02, 4]], [-1, 0])  # repeats 1
+    graph.pins = Pins((), ((50, 2),))
+    graph = detector.infer(graph)
+    for surface in (1, 50):
+        assert relation(explain_pair(graph, detector, surface, 2), "room").pinned == "apart"
+        assert relation(explain_pair(graph, detector, surface, 3), "room").pinned is None
+
+
+def test_a_split_surface_that_shares_a_room_all_the_same_is_not_called_pinned_apart(
+    detector: Detector,
+) -> None:
+    graph = two_rooms_on_one_surface()
+    graph.pins = Pins(((0, 1),), ((1, 4),))
+    graph = detector.infer(graph)
+    room = relation(explain_pair(graph, detector, 0, 4), "room")
+    assert len(room.shared) == 1
+    assert room.pinned is None
+
+
 # -- nodes -----------------------------------------------------------------------------------------
 
 
@@ -220,7 +286,7 @@ def test_the_strongest_outsider_belongs_more_to_its_own_room(detector: Detector)
     assert (door.facing, door.behind) == ((), ())
 
 
-def test_pieces_of_a_surface_count_only_for_the_room_that_they_are_in(detector: Detector) -> None:
+def two_rooms_on_one_surface() -> SGraph:
     graph = SGraph()
     rows = [
         ([[0, 0], [10.1, 0]], [0, 1]),  # one surface along the south of both rooms
@@ -233,7 +299,11 @@ def test_pieces_of_a_surface_count_only_for_the_room_that_they_are_in(detector: 
     ]
     for number, (segment, normal) in enumerate(rows):
         graph.add_wall_surface(number, segment, normal)
-    graph = detector.infer(graph)
+    return graph
+
+
+def test_pieces_of_a_surface_count_only_for_the_room_that_they_are_in(detector: Detector) -> None:
+    graph = detector.infer(two_rooms_on_one_surface())
     for node_id, others in ((0, {1, 2, 3}), (1, {4, 5, 6})):
         explained = explain_node(graph, detector, "room", node_id)
         assert {link.two for link in explained.members[0].support.links} == others
