@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import importlib.resources
 import json
 from pathlib import Path
 
@@ -15,7 +16,6 @@ from sgraph_concepts.errors import ConceptError, TrainingError
 from sgraph_concepts.spec import ConceptSpec, HeadSpec
 from sgraph_core.concepts import installed, new_registry
 from sgraph_core.detector import Detector
-from sgraph_core.features import edge_index
 from sgraph_core.network.runtime import Network
 from sgraph_core.proximity import build_scene
 from sgraph_core.settings import read_settings
@@ -174,12 +174,12 @@ def test_one_head_is_trained_on_the_shipped_encoder(tmp_path: Path) -> None:
     record = trainer.train(config, tmp_path, installed(), concept="wall")
     assert record["encoder_frozen"] is True
     assert not (tmp_path / "encoder.onnx").exists()
-    network, scene = Network(), build_scene(block(0.1).wall_surfaces.ordered())
-    head, metadata = network._open(tmp_path / "wall.onnx")
-    assert metadata["encoder_fingerprint"] == network._fingerprint
-    nodes, edges = network.encode(network.inputs(scene))
-    (logits,) = head.run(None, {"x": nodes, "edge_index": edge_index(scene), "edge_attr": edges})
-    assert logits.shape == (2 * len(scene.pairs),)
+    shipped = importlib.resources.files("sgraph_core") / "weights" / "encoder.onnx"
+    (tmp_path / "encoder.onnx").write_bytes(shipped.read_bytes())
+    scene = build_scene(block(0.1).wall_surfaces.ordered())
+    trained = Detector(weights=tmp_path).score(installed()["wall"], scene)
+    assert np.isfinite(trained.logits).all()
+    assert not np.allclose(trained.logits, Detector().score(installed()["wall"], scene).logits)
 
 
 def test_concepts_that_cannot_be_trained_are_named(tmp_path: Path) -> None:
