@@ -140,7 +140,8 @@ class Detector:
 
     def score(self, concept: RegisteredConcept, scene: Scene) -> ScoredEdges:
         """Return a concept's relation over the pairs of a scene of wall surfaces."""
-        return _Run(self, Fragments(scene.surfaces), scene, RoomPins(Pins())).score(concept, scene)
+        run = _Run(self, Fragments(scene.surfaces), scene, RoomPins(Pins()))
+        return run.calibrated(concept, run.score(concept, scene))
 
 
 class _Run:
@@ -172,7 +173,7 @@ class _Run:
         edges = self.score(concept, scene)
         clusters = self._by_members(concept, edges, scene)
         if groups_surfaces:
-            self.relations[concept.spec.name] = self._calibrated(concept, edges)
+            self.relations[concept.spec.name] = self.calibrated(concept, edges)
             self.clusters[concept.spec.name] = clusters
         return [
             ConceptNode(
@@ -207,7 +208,8 @@ class _Run:
         detector = self._detector
         return detector.calibrated and detector.scorer == "network" and detector.weights is None
 
-    def _calibrated(self, concept: RegisteredConcept, edges: ScoredEdges) -> ScoredEdges:
+    def calibrated(self, concept: RegisteredConcept, edges: ScoredEdges) -> ScoredEdges:
+        """Return a relation with probabilities that mean what they say."""
         head = concept.spec.head
         if head is None or not self._may_calibrate:
             return edges

@@ -31,7 +31,7 @@ def test_evaluate_prints_the_calibration_errors(sgraph: Any, folder: Path) -> No
     keys = ["room_ece", "wall_ece", "room_edge_ece_all", "wall_edge_ece_all"]
     assert all(0 <= row[key] < 0.5 for row in (ours, raw) for key in keys)
     assert ours["room_ece"] != raw["room_ece"]
-    assert ours["room_edge_ece_all"] == raw["room_edge_ece_all"]
+    assert ours["room_edge_ece_all"] != raw["room_edge_ece_all"]
 
 
 def test_what_a_file_holds_has_nodes_but_no_edges(sgraph: Any, folder: Path) -> None:
