@@ -9,25 +9,22 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sgraph_cli.console import note
+from sgraph_cli.console import note, warn_about_plugins
 
 if TYPE_CHECKING:
+    from sgraph_core.detector import Detector
     from sgraph_core.graph import SGraph
 
 __all__ = [
+    "Clusterers",
+    "Scorer",
     "ScorerName",
     "Weights",
     "by_concept",
     "load_map",
+    "make_detector",
     "refuse_beside",
     "warn_about_lists",
-]
-
-Weights = Annotated[
-    Path | None,
-    typer.Option(
-        help="Folder that `sgraph train` wrote, instead of the shipped weights.", show_default=False
-    ),
 ]
 
 
@@ -36,6 +33,45 @@ class ScorerName(StrEnum):
 
     network = "network"
     baseline = "baseline"
+
+
+Scorer = Annotated[
+    ScorerName, typer.Option(help="The trained network, or the rules without learning.")
+]
+Weights = Annotated[
+    Path | None, typer.Option(help="Folder that `sgraph train` wrote, to take weights from.")
+]
+Clusterers = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="CONCEPT=NAME",
+        help="Another clusterer for a concept, such as room=cycles (the paper's Algorithm 1).",
+    ),
+]
+
+
+def make_detector(
+    scorer: ScorerName,
+    weights: Path | None,
+    clusterer: Sequence[str] | None,
+    *,
+    calibrated: bool = True,
+) -> Detector:
+    """Return the detector that the options of these names ask for; warn of broken plugins.
+
+    Raises:
+        typer.BadParameter: the options contradict one another, or one is malformed.
+    """
+    if scorer is ScorerName.baseline:
+        refuse_beside("--scorer baseline", {"--weights": weights})
+    clusterers = by_concept(clusterer or [], "--clusterer")
+    from sgraph_core.detector import Detector
+
+    detector = Detector(
+        scorer=scorer.value, clusterers=clusterers, weights=weights, calibrated=calibrated
+    )
+    warn_about_plugins(list(detector.registry.problems))
+    return detector
 
 
 def by_concept(choices: Sequence[str], option: str) -> dict[str, str]:

@@ -9,8 +9,16 @@ from typing import Annotated
 
 import typer
 
-from sgraph_cli.arguments import ScorerName, Weights, by_concept, refuse_beside, warn_about_lists
-from sgraph_cli.console import print_table, progress, warn_about_plugins
+from sgraph_cli.arguments import (
+    Clusterers,
+    Scorer,
+    ScorerName,
+    Weights,
+    make_detector,
+    refuse_beside,
+    warn_about_lists,
+)
+from sgraph_cli.console import print_table, progress
 
 __all__ = ["evaluate", "print_scores"]
 
@@ -22,14 +30,9 @@ def evaluate(
     stored: Annotated[
         bool, typer.Option("--stored", help="Score what the files hold instead of inferring anew.")
     ] = False,
-    scorer: Annotated[
-        ScorerName, typer.Option(help="The trained network, or the rules without learning.")
-    ] = ScorerName.network,
+    scorer: Scorer = ScorerName.network,
     weights: Weights = None,
-    clusterer: Annotated[
-        list[str] | None,
-        typer.Option(metavar="CONCEPT=NAME", help="Another clusterer, such as room=cycles."),
-    ] = None,
+    clusterer: Clusterers = None,
     trajectory: Annotated[
         Path | None,
         typer.Option(help="Reference trajectory (TUM format) to compare the keyframes with."),
@@ -54,14 +57,13 @@ def evaluate(
 
     Every PATH is a source; with --only, which may be repeated, every list's part of every PATH.
     """
-    rules = scorer is ScorerName.baseline
+    detector = None
     if stored:
+        rules = scorer is ScorerName.baseline
         inference = {"--scorer": rules, "--weights": weights, "--clusterer": clusterer}
         refuse_beside("--stored", {**inference, "--uncalibrated": uncalibrated})
-    if rules:
-        refuse_beside("--scorer baseline", {"--weights": weights})
-    clusterers = by_concept(clusterer or [], "--clusterer")
-    from sgraph_core.detector import Detector
+    else:
+        detector = make_detector(scorer, weights, clusterer, calibrated=not uncalibrated)
     from sgraph_core.evaluation.report import SourceReport, as_rows
     from sgraph_core.evaluation.report import evaluate as run
     from sgraph_core.evaluation.trajectory import read_tum
@@ -69,15 +71,6 @@ def evaluate(
 
     if reliability is not None:
         check_name(reliability)
-    detector = None
-    if not stored:
-        detector = Detector(
-            scorer=scorer.value,
-            clusterers=clusterers,
-            calibrated=not uncalibrated,
-            weights=weights,
-        )
-        warn_about_plugins(list(detector.registry.problems))
     warn_about_lists(paths, only or [])
     reference = None if trajectory is None else read_tum(trajectory)
     with progress() as report:

@@ -7,8 +7,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sgraph_cli.arguments import ScorerName, Weights, by_concept, load_map, refuse_beside
-from sgraph_cli.console import note, print_table, warn_about_plugins
+from sgraph_cli.arguments import (
+    Clusterers,
+    Scorer,
+    ScorerName,
+    Weights,
+    by_concept,
+    load_map,
+    make_detector,
+    refuse_beside,
+)
+from sgraph_cli.console import note, print_table
 from sgraph_cli.explanation import answer, parse_question, print_answer
 
 if TYPE_CHECKING:
@@ -47,17 +56,9 @@ def infer(
     json_: Annotated[
         bool, typer.Option("--json", help="Print to stdout what the output file would hold.")
     ] = False,
-    scorer: Annotated[
-        ScorerName, typer.Option(help="The trained network, or the rules without learning.")
-    ] = ScorerName.network,
+    scorer: Scorer = ScorerName.network,
     weights: Weights = None,
-    clusterer: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="CONCEPT=NAME",
-            help="Another clusterer for a concept, such as room=cycles (the paper's Algorithm 1).",
-        ),
-    ] = None,
+    clusterer: Clusterers = None,
     factor: Annotated[
         list[str] | None,
         typer.Option(
@@ -73,21 +74,16 @@ def infer(
     question = None if explain is None else parse_question(explain)
     if json_:
         refuse_beside("--json", {"--explain": question})
-    if scorer is ScorerName.baseline:
-        refuse_beside("--scorer baseline", {"--weights": weights})
     if factor and not optimize:
         raise typer.BadParameter("needs --optimize", param_hint="--factor")
-    clusterers = by_concept(clusterer or [], "--clusterer")
     factors = by_concept(factor or [], "--factor")
-    from sgraph_core.detector import Detector
+    detector = make_detector(scorer, weights, clusterer)
     from sgraph_core.map_file import dump, save
     from sgraph_core.plotting import check_name
     from sgraph_core.plotting import plot as draw
 
     if plot is not None:
         check_name(plot)
-    detector = Detector(scorer=scorer.value, clusterers=clusterers, weights=weights)
-    warn_about_plugins(list(detector.registry.problems))
     graph = load_map(map_file)
     if optimize:
         from sgraph_core.api import infer_and_optimize
