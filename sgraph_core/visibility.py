@@ -22,7 +22,7 @@ __all__ = ["VISIBILITIES", "facing_pairs", "visibility"]
 IN_FRONT_M = 0.05
 """How far a surface must reach in front of another to be seen from it at all."""
 
-PAIRS_AT_ONCE = 4096
+PAIRS_AT_ONCE = 2048
 
 CLOSED_GAPS_M = (1.4, 3.0, 6.0)
 """Widths up to which gaps are closed: doors, wide openings, missing surfaces."""
@@ -35,7 +35,7 @@ VISIBILITIES = (
 )
 """What the columns of the visibility are."""
 
-NEAREST_RADIUS_M = 6.0
+NEAREST_RADIUS_M = 12.0
 FARTHEST_RADIUS_M = 48.0
 """The search for facing surfaces starts with the first radius and doubles up to the second."""
 
