@@ -117,6 +117,9 @@ def _labels(name: str, truth: BuildingTruth, scene: Scene, registry: Registry) -
         raise ConceptError(
             f"labeller of concept {name!r} named row {related.max()} of {total} surfaces"
         )
+    itself = related[related[:, 0] == related[:, 1], 0]
+    if len(itself):
+        raise ConceptError(f"labeller of concept {name!r} related row {itself[0]} to itself")
 
     def keys(pairs: IntArray) -> IntArray:
         return np.asarray(pairs.min(axis=1) * total + pairs.max(axis=1))

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import json
 import re
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 from subprocess import CompletedProcess
 from typing import Any
@@ -311,6 +315,24 @@ def test_concepts_are_listed_and_shown(sgraph: Any) -> None:
 
 def test_the_version_is_printed(sgraph: Any) -> None:
     assert re.match(r"sgraph-concepts \d+\.\d+\.\d+\n$", sgraph("--version").stdout)
+
+
+def test_an_interrupted_training_says_how_to_go_on(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    command = [Path(sys.executable).parent / "sgraph", "train", "-o", out, "--floors", "400"]
+    with subprocess.Popen(
+        command,
+        stderr=subprocess.PIPE,
+        text=True,
+        # whoever runs the tests in the background may have it ignored
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
+    ) as process:
+        while process.poll() is None and not (out / "floors").exists():
+            time.sleep(0.05)
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert errors == f"sgraph: interrupted: the same command with --resume goes on in {out}\n"
 
 
 def test_training_from_the_command_line(sgraph: Any, tmp_path: Path) -> None:

@@ -200,6 +200,7 @@ def test_concepts_that_cannot_be_trained_are_named(tmp_path: Path) -> None:
     [
         ("zone:label_unknown_surface", r"labeller of concept 'zone' named row 9999 of \d+"),
         ("zone:label_flat", r"labeller of concept 'zone' must return pairs of rows"),
+        ("zone:label_itself", r"labeller of concept 'zone' related row 1 to itself"),
     ],
 )
 def test_labellers_that_return_nonsense_are_named(labeller: str, message: str) -> None:

@@ -55,8 +55,14 @@ def train(
     settings = TrainingConfig.model_validate({**settings.model_dump(), **changed})
     registry = installed()
     warn_about_plugins(list(registry.problems))
-    with progress() as report:
-        record = run(settings, output, registry, concept=concept, resume=resume, progress=report)
+    try:
+        with progress() as report:
+            record = run(
+                settings, output, registry, concept=concept, resume=resume, progress=report
+            )
+    except KeyboardInterrupt:
+        note(f"sgraph: interrupted: the same command with --resume goes on in {output}")
+        raise typer.Exit(130) from None
     last = record["history"][-1]
     losses = ", ".join(f"{name} {value:.4f}" for name, value in last.items() if name != "step")
     note(f"wrote weights of {', '.join(record['concepts'])} to {output}; losses: {losses}")
