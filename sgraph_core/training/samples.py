@@ -76,9 +76,13 @@ def make_samples(
     context = multiprocessing.get_context("spawn")  # forking a process that runs threads may hang
     with ProcessPoolExecutor(os.cpu_count(), mp_context=context) as pool:
         done = len(chunks) - len(todo)
-        for _ in pool.map(make, *zip(*todo, strict=True)) if todo else ():
-            done += 1
-            progress("drawing buildings", min(done * CHUNK, len(numbers)), len(numbers))
+        try:
+            for _ in pool.map(make, *zip(*todo, strict=True)) if todo else ():
+                done += 1
+                progress("drawing buildings", min(done * CHUNK, len(numbers)), len(numbers))
+        except BaseException:
+            pool.shutdown(cancel_futures=True)  # or what is left would be drawn first
+            raise
     return [sample for file in files for sample in _read_chunk(file, concepts)]
 
 
