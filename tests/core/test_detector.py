@@ -6,7 +6,17 @@ import random
 
 import numpy as np
 import pytest
-from plans import L_SHAPE, block, members, plan, rectangle, regular, true_rooms, true_walls
+from plans import (
+    L_SHAPE,
+    block,
+    members,
+    plan,
+    rectangle,
+    regular,
+    true_rooms,
+    true_walls,
+    two_rooms_on_one_surface,
+)
 
 from sgraph_concepts.errors import ConceptError
 from sgraph_concepts.spec import ConceptSpec
@@ -107,19 +117,7 @@ def test_shapes_move_and_turn_with_the_map(
 
 
 def test_a_surface_through_two_rooms_belongs_to_both(detector: Detector) -> None:
-    graph = SGraph()
-    rows = [
-        ([[0, 0], [10.1, 0]], [0, 1]),  # one surface along the south of both rooms
-        ([[5, 0], [5, 4]], [-1, 0]),
-        ([[5, 4], [0, 4]], [0, -1]),
-        ([[0, 4], [0, 0]], [1, 0]),
-        ([[10.1, 0], [10.1, 4]], [-1, 0]),
-        ([[10.1, 4], [5.1, 4]], [0, -1]),
-        ([[5.1, 4], [5.1, 0]], [1, 0]),
-    ]
-    for number, (segment, normal) in enumerate(rows):
-        graph.add_wall_surface(number, segment, normal)
-    result = detector.infer(graph)
+    result = detector.infer(two_rooms_on_one_surface())
     assert members(result, "room") == {frozenset({0, 1, 2, 3}), frozenset({0, 4, 5, 6})}
     assert members(result, "wall") == {frozenset({1, 6})}
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from plans import block, plan, rectangle
+from plans import block, plan, rectangle, two_rooms_on_one_surface
 
 from sgraph_concepts.errors import ConceptError, InputError
 from sgraph_concepts.spec import ConceptSpec, HeadSpec
@@ -284,22 +284,6 @@ def test_the_strongest_outsider_belongs_more_to_its_own_room(detector: Detector)
     assert door.opening.kind == "door"
     assert door.opening.lengths_m == pytest.approx([0.9])
     assert (door.facing, door.behind) == ((), ())
-
-
-def two_rooms_on_one_surface() -> SGraph:
-    graph = SGraph()
-    rows = [
-        ([[0, 0], [10.1, 0]], [0, 1]),  # one surface along the south of both rooms
-        ([[5, 0], [5, 4]], [-1, 0]),
-        ([[5, 4], [0, 4]], [0, -1]),
-        ([[0, 4], [0, 0]], [1, 0]),
-        ([[10.1, 0], [10.1, 4]], [-1, 0]),
-        ([[10.1, 4], [5.1, 4]], [0, -1]),
-        ([[5.1, 4], [5.1, 0]], [1, 0]),
-    ]
-    for number, (segment, normal) in enumerate(rows):
-        graph.add_wall_surface(number, segment, normal)
-    return graph
 
 
 def test_pieces_of_a_surface_count_only_for_the_room_that_they_are_in(detector: Detector) -> None:

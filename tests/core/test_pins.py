@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from plans import block, members, plan, rectangle
+from plans import block, members, plan, rectangle, two_rooms_on_one_surface
 
 from sgraph_concepts.errors import InputError
 from sgraph_concepts.types import Cluster, Scene, ScoredEdges, SurfaceArrays
@@ -43,22 +43,10 @@ def assert_pins_hold(result: SGraph) -> None:
 
 def two_rooms_with_a_common_wall() -> SGraph:
     """Surface 0 runs along the south of both rooms; 8 repeats 1, 9 repeats 0."""
-    graph = SGraph("two rooms")
-    for number, (segment, normal) in enumerate(
-        [
-            ([[0, 0], [10.1, 0]], [0, 1]),
-            ([[5, 0], [5, 4]], [-1, 0]),
-            ([[5, 4], [0, 4]], [0, -1]),
-            ([[0, 4], [0, 0]], [1, 0]),
-            ([[10.1, 0], [10.1, 4]], [-1, 0]),
-            ([[10.1, 4], [5.1, 4]], [0, -1]),
-            ([[5.1, 4], [5.1, 0]], [1, 0]),
-            ([[3, -6], [8, -6]], [0, -1]),  # sees none of them
-            ([[5.02, 0.1], [5.02, 4]], [-1, 0]),
-            ([[0.2, -0.02], [10, -0.02]], [0, 1]),
-        ]
-    ):
-        graph.add_wall_surface(number, segment, normal)
+    graph = two_rooms_on_one_surface()
+    graph.add_wall_surface(7, [[3, -6], [8, -6]], [0, -1])  # sees none of them
+    graph.add_wall_surface(8, [[5.02, 0.1], [5.02, 4]], [-1, 0])
+    graph.add_wall_surface(9, [[0.2, -0.02], [10, -0.02]], [0, 1])
     return graph
 
 

@@ -89,3 +89,20 @@ def true_rooms(graph: SGraph) -> set[frozenset[int]]:
 def true_walls(graph: SGraph) -> set[frozenset[int]]:
     assert graph.truth is not None
     return {frozenset(wall) for wall in graph.truth.walls}
+
+
+def two_rooms_on_one_surface() -> SGraph:
+    """Return rooms {0, 1, 2, 3} and {0, 4, 5, 6}: surface 0 runs along the south of both."""
+    graph = SGraph("two rooms")
+    rows = [
+        ([[0, 0], [10.1, 0]], [0, 1]),
+        ([[5, 0], [5, 4]], [-1, 0]),
+        ([[5, 4], [0, 4]], [0, -1]),
+        ([[0, 4], [0, 0]], [1, 0]),
+        ([[10.1, 0], [10.1, 4]], [-1, 0]),
+        ([[10.1, 4], [5.1, 4]], [0, -1]),
+        ([[5.1, 4], [5.1, 0]], [1, 0]),
+    ]
+    for number, (segment, normal) in enumerate(rows):
+        graph.add_wall_surface(number, segment, normal)
+    return graph
