@@ -11,12 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
-from sgraph_concepts.types import FloatArray, IntArray, SurfaceArrays
-from sgraph_core.geometry import cross, dot, lines_of, points_of
+from sgraph_concepts.types import FloatArray, SurfaceArrays
+from sgraph_core.geometry import cross, dot, lines_of, nearest, points_of
 
-__all__ = ["Closures", "continuations", "gaps", "nearest"]
+__all__ = ["Closures", "continuations", "gaps"]
 
 GAP_ANGLE_RAD = np.radians(15.0)
 GAP_OFFSET_M = 0.12
@@ -98,16 +97,3 @@ def continuations(surfaces: SurfaceArrays, longest_m: float) -> Closures:
     ray, width, direction = ray[first], width[first], direction[first]
     start = ends[free[ray]]
     return Closures(np.stack([start, start + width[:, None] * direction], axis=1), width)
-
-
-def nearest(groups: IntArray, distances: FloatArray, count: int) -> NDArray[np.bool_]:
-    """Return which rows are among the ``count`` nearest of their group, ties included, [P]."""
-    tie_m = 1e-6
-    order = np.lexsort((distances, groups))
-    sorted_groups, sorted_distances = groups[order], distances[order]
-    starts = np.searchsorted(sorted_groups, sorted_groups)
-    sizes = np.searchsorted(sorted_groups, sorted_groups, side="right") - starts
-    limit = sorted_distances[starts + np.minimum(count, sizes) - 1] + tie_m
-    near = np.empty(len(groups), bool)
-    near[order] = sorted_distances <= limit
-    return near

@@ -8,7 +8,16 @@ from numpy.typing import NDArray
 
 from sgraph_concepts.types import FloatArray, IntArray, SurfaceArrays
 
-__all__ = ["Geometries", "closest_distances", "cross", "dot", "in_frames", "lines_of", "points_of"]
+__all__ = [
+    "Geometries",
+    "closest_distances",
+    "cross",
+    "dot",
+    "in_frames",
+    "lines_of",
+    "nearest",
+    "points_of",
+]
 
 
 def cross(one: FloatArray, two: FloatArray) -> FloatArray:
@@ -59,3 +68,16 @@ def in_frames(
         dot(offset, surfaces.tangents[frames][:, None]),
         dot(offset, surfaces.normals[frames][:, None]),
     )
+
+
+def nearest(groups: IntArray, distances: FloatArray, count: int) -> NDArray[np.bool_]:
+    """Return which rows are among the ``count`` nearest of their group, ties included, [P]."""
+    tie_m = 1e-6
+    order = np.lexsort((distances, groups))
+    sorted_groups, sorted_distances = groups[order], distances[order]
+    starts = np.searchsorted(sorted_groups, sorted_groups)
+    sizes = np.searchsorted(sorted_groups, sorted_groups, side="right") - starts
+    limit = sorted_distances[starts + np.minimum(count, sizes) - 1] + tie_m
+    near = np.empty(len(groups), bool)
+    near[order] = sorted_distances <= limit
+    return near

@@ -13,8 +13,8 @@ import shapely
 from numpy.typing import NDArray
 
 from sgraph_concepts.types import FloatArray, IntArray, SurfaceArrays
-from sgraph_core.closures import Closures, continuations, gaps, nearest
-from sgraph_core.geometry import in_frames, lines_of
+from sgraph_core.closures import Closures, continuations, gaps
+from sgraph_core.geometry import in_frames, lines_of, nearest
 from sgraph_core.rays import Obstacles, Rays
 
 __all__ = ["VISIBILITIES", "facing_pairs", "visibility"]

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from plans import L_SHAPE, block, plan, rectangle
 
 from sgraph_concepts.types import IntArray, Scene, SurfaceArrays
-from sgraph_core.closures import nearest
 from sgraph_core.features import (
     EDGE_FEATURES,
     NODE_FEATURES,
@@ -18,6 +17,7 @@ from sgraph_core.features import (
     edge_index,
     node_features,
 )
+from sgraph_core.geometry import nearest
 from sgraph_core.graph import SGraph
 from sgraph_core.proximity import build_scene
 from sgraph_core.visibility import VISIBILITIES, facing_pairs, visibility
