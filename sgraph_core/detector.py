@@ -20,6 +20,7 @@ from sgraph_concepts.types import (
     FloatArray,
     IntArray,
     NodeShape,
+    OccupancyGrid,
     Scene,
     ScoredEdges,
     SurfaceArrays,
@@ -97,11 +98,16 @@ class Detector:
         """The shared encoder and the heads, loaded on first use."""
         return Network(self.weights)
 
-    def scene(self, surfaces: SurfaceArrays) -> Scene:
-        """Return the pairs of preprocessed surfaces that the scorer is given."""
+    def scene(self, surfaces: SurfaceArrays, grid: OccupancyGrid | None = None) -> Scene:
+        """Return the pairs of preprocessed surfaces that the scorer is given.
+
+        Args:
+            surfaces: in world coordinates.
+            grid: what they were extracted from, if anything.
+        """
         if self.scorer == "baseline":
-            return build_scene(surfaces)
-        return build_scene(surfaces, self.network.neighbours)
+            return build_scene(surfaces, grid=grid)
+        return build_scene(surfaces, self.network.neighbours, grid)
 
     def infer(self, graph: SGraph, concepts: Sequence[str] | None = None) -> SGraph:
         """Return a copy of an S-Graph with its concepts inferred anew.
@@ -128,7 +134,7 @@ class Detector:
         check_pins(pins, set(graph.wall_surfaces.ids.tolist()))
         result, room_pins = graph.copy(), RoomPins(pins)
         fragments = preprocess(graph.wall_surfaces.ordered(), room_pins.let_stand)
-        run = _Run(self, fragments, self.scene(fragments.surfaces), room_pins)
+        run = _Run(self, fragments, self.scene(fragments.surfaces, graph.grid), room_pins)
         for concept in self.registry.select(None if concepts is None else list(concepts)):
             name, groups = concept.spec.name, concept.spec.groups
             nodes = run.nodes(concept, result.concepts.get(groups, []))
@@ -309,7 +315,10 @@ def _scene_of_nodes(nodes: Sequence[ConceptNode], scene: Scene) -> Scene:
     distances = np.linalg.norm(centres[one] - centres[two], axis=1)
     pairs = np.stack([one, two], axis=1).astype(np.int64)
     local = [replace(node, shape=_at(node.shape, -scene.origin)) for node in nodes]
-    return Scene(scene.surfaces, scene.origin, pairs, distances, np.empty((len(pairs), 0)), local)
+    visibility = np.empty((len(pairs), 0))
+    return Scene(
+        scene.surfaces, scene.origin, pairs, distances, visibility, nodes=local, grid=scene.grid
+    )
 
 
 def _middle(rows: IntArray, scene: Scene) -> NodeShape:

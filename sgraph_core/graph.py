@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from sgraph_concepts.errors import InputError
 from sgraph_concepts.spec import WALL_SURFACE
-from sgraph_concepts.types import ConceptNode, FloatArray, IntArray
+from sgraph_concepts.types import ConceptNode, FloatArray, IntArray, OccupancyGrid
 from sgraph_core.tables import (
     PERPENDICULAR_TOLERANCE_RAD,
     SHORTEST_SEGMENT_M,
@@ -88,7 +88,8 @@ class SGraph:
     The low layers are tables of arrays (``keyframes``, ``odometry``, ``wall_surfaces``,
     ``observations``); single rows are viewed as objects (``keyframe(id)``, ``wall_surface(id)``).
     ``concepts`` maps a concept's name to its nodes, whose ``members`` are links to the layer below:
-    the wall surfaces, or what ``groups`` says for the concept.
+    the wall surfaces, or what ``groups`` says for the concept. ``grid`` is the occupancy grid that
+    the surfaces were extracted from, if any; a map file does not hold it.
 
     Rows are only ever added, so an id keeps its meaning. Adding checks the same rules as reading a
     map file and raises before anything is changed.
@@ -100,6 +101,7 @@ class SGraph:
         self.groups: dict[str, str] = {}
         self.pins: Pins | None = None
         self.truth: Truth | None = None
+        self.grid: OccupancyGrid | None = None
         self._keyframes = Table(Keyframes())
         self._odometry = Table(Odometry())
         self._wall_surfaces = Table(WallSurfaces())

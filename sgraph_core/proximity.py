@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 import shapely
 
-from sgraph_concepts.types import FloatArray, IntArray, Scene, SurfaceArrays
+from sgraph_concepts.types import FloatArray, IntArray, OccupancyGrid, Scene, SurfaceArrays
 from sgraph_core.geometry import closest_distances, lines_of
 from sgraph_core.visibility import facing_pairs, visibility
 
@@ -30,26 +30,31 @@ NEAREST = 15
 """How many of the nearest surfaces the paper links each surface to."""
 
 
-def build_scene(surfaces: SurfaceArrays, neighbours: Neighbours = "visible") -> Scene:
+def build_scene(
+    surfaces: SurfaceArrays,
+    neighbours: Neighbours = "visible",
+    grid: OccupancyGrid | None = None,
+) -> Scene:
     """Return the pairs of surfaces worth relating, with their distances and visibilities.
 
     Args:
         surfaces: the N preprocessed surfaces in world coordinates.
         neighbours: which pairs are worth relating.
+        grid: what the surfaces were extracted from, in world coordinates.
 
     Returns:
         The scene, its coordinates relative to the middle of the map, so that the position of the
         map in the world (UTM coordinates, say) costs no precision.
     """
     if not len(surfaces):
-        return _scene(surfaces, np.zeros(2), np.empty((0, 2), np.int64))
+        return _scene(surfaces, np.zeros(2), np.empty((0, 2), np.int64), grid)
     corners = surfaces.segments.reshape(-1, 2)
     origin = (corners.min(axis=0) + corners.max(axis=0)) / 2
     local = SurfaceArrays(surfaces.ids, surfaces.segments - origin, surfaces.normals)
     if neighbours == "nearest":
-        return _scene(local, origin, _nearest_pairs(local))
+        return _scene(local, origin, _nearest_pairs(local), grid)
     pairs = np.concatenate([facing_pairs(local, FACING), _close_pairs(local)])
-    scene = _scene(local, origin, np.unique(pairs, axis=0))
+    scene = _scene(local, origin, np.unique(pairs, axis=0), grid)
     worth_relating = (scene.distances <= CLOSE_M) | (scene.visibility[:, 0] > 0)
     return replace(
         scene,
@@ -59,9 +64,13 @@ def build_scene(surfaces: SurfaceArrays, neighbours: Neighbours = "visible") -> 
     )
 
 
-def _scene(surfaces: SurfaceArrays, origin: FloatArray, pairs: IntArray) -> Scene:
+def _scene(
+    surfaces: SurfaceArrays, origin: FloatArray, pairs: IntArray, grid: OccupancyGrid | None
+) -> Scene:
     distances = closest_distances(surfaces.segments, pairs[:, 0], pairs[:, 1])
-    return Scene(surfaces, origin, pairs, distances, visibility(surfaces, pairs))
+    local_grid = None if grid is None else grid.shifted(-origin)
+    visible = visibility(surfaces, pairs)
+    return Scene(surfaces, origin, pairs, distances, visible, grid=local_grid)
 
 
 def _nearest_pairs(surfaces: SurfaceArrays) -> IntArray:

@@ -7,9 +7,9 @@ copied and not meant to be written to.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ __all__ = [
     "FloatArray",
     "IntArray",
     "NodeShape",
+    "OccupancyGrid",
     "Scene",
     "ScoredEdges",
     "SurfaceArrays",
@@ -75,6 +76,45 @@ class SurfaceArrays:
 
 
 @dataclass(frozen=True, eq=False)
+class OccupancyGrid:
+    """What a robot knows of a floor, cell by cell.
+
+    As in ROS, row 0 and column 0 are at the grid's origin: the cell of row i and column j covers
+    j to j + 1 along the grid's x axis and i to i + 1 along its y axis, in units of the resolution.
+
+    Attributes:
+        cells: ``FREE``, ``OCCUPIED`` or ``UNKNOWN``, uint8, [H, W].
+        resolution: side of a cell, in metres.
+        origin: pose of the corner of cell (0, 0): x, y in metres and yaw in radians, [3].
+    """
+
+    FREE: ClassVar[int] = 0
+    OCCUPIED: ClassVar[int] = 1
+    UNKNOWN: ClassVar[int] = 2
+
+    cells: NDArray[np.uint8]
+    resolution: float
+    origin: FloatArray
+
+    def to_world(self, points: FloatArray) -> FloatArray:
+        """Return points given as (column, row), in cells from the origin's corner, in the world."""
+        return np.asarray(self.origin[:2] + self.resolution * points @ self._axes)
+
+    def to_cells(self, points: FloatArray) -> FloatArray:
+        """Return points of the world as (column, row): the inverse of :meth:`to_world`."""
+        return np.asarray((points - self.origin[:2]) @ self._axes.T / self.resolution)
+
+    def shifted(self, by: FloatArray) -> OccupancyGrid:
+        """Return the grid moved by a vector, [2]."""
+        return replace(self, origin=self.origin + np.array([*by, 0.0]))
+
+    @property
+    def _axes(self) -> FloatArray:
+        cosine, sine = np.cos(self.origin[2]), np.sin(self.origin[2])
+        return np.array([[cosine, sine], [-sine, cosine]])
+
+
+@dataclass(frozen=True, eq=False)
 class Scene:
     """What a scorer sees: the items of one map and the pairs that may be related.
 
@@ -89,6 +129,8 @@ class Scene:
             (``sgraph_core.visibility.VISIBILITIES`` names them).
         nodes: the nodes to relate, when the concept groups another concept's nodes instead of
             wall surfaces; then ``pairs`` indexes them and ``surfaces`` holds their members.
+        grid: the occupancy grid that the surfaces were extracted from, if any, in the scene's
+            coordinates.
     """
 
     surfaces: SurfaceArrays
@@ -97,6 +139,7 @@ class Scene:
     distances: FloatArray
     visibility: FloatArray
     nodes: Sequence[ConceptNode] = ()
+    grid: OccupancyGrid | None = None
 
 
 @dataclass(frozen=True, eq=False)
