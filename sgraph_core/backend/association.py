@@ -1,13 +1,13 @@
-"""Which surfaces that concepts take for one surface mapped twice may be tied.
+"""Which surfaces that concepts take for one surface mapped twice are tied.
 
-A concept proposes pairs of surfaces. A pair is possible where the map's own uncertainty explains
-its gap (chi-squared of the innovation, after the individual compatibility of Neira and Tardos,
-"Data Association in Stochastic Mapping Using the Joint Compatibility Test", 2001). Alone it proves
-little: walls of a building repeat. So the pairs that one node proposes vote. Two pairs that are not
-parallel fix how one visit must move onto the other; the covariance between all pairs then predicts
-every other gap, and pairs that agree support the correction. It is accepted when its support is
-jointly compatible, and when no other correction has nearly as much: of equal doors in a row, each
-explains the observation, and none is taken.
+A concept proposes pairs of surfaces. Alone a pair proves little: walls of a building repeat, and
+what the map believes of its own accuracy is wrong where the front end matched a wrong wall. So
+pairs vote. All that a short stretch of the drive saw must move onto the older map by one rigid
+correction, small for the way between. Two pairs that are not parallel fix a correction; every pair
+that it explains supports it, and so does every surface that the front end recognised itself and
+that the correction leaves in place. A correction is accepted when enough walls support it, and
+when neither another correction nor what it would tear apart has nearly as much support: of equal
+doors in a row each explains what is seen, and none is taken.
 """
 
 from __future__ import annotations
@@ -16,26 +16,41 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from sgraph_concepts.types import FloatArray, IntArray
 from sgraph_core.backend.coincidence import coincidence
-from sgraph_core.backend.uncertainty import Uncertainty
+from sgraph_core.backend.visits import Visits
+from sgraph_core.geometry import cross, dot
 from sgraph_core.graph import SGraph
 
-__all__ = ["Proposal", "Same", "associate"]
+__all__ = ["Association", "Proposal", "Same", "associate"]
 
 TIE_SIGMAS = (0.02, 0.03)
 """How two mapped pieces of one wall differ from one plane: angle in rad, offset in m."""
+DRIFT_SHARE = 0.01
+"""What a straightened map still drifts, as a standard deviation, per metre of the way."""
+DRIFT_RAD_PER_M = np.radians(0.02)
+LEAST_DRIFT_M, LEAST_DRIFT_RAD = 0.1, np.radians(1.0)
 REJECTION = 1e-2
-PREDICTED_M = 0.1
-"""A pair supports a correction only where the correction predicts its gap this well, or better."""
+WINDOW = 30
+"""Keyframes that see the older map again together: short enough to be rigid."""
+NOISE_RAD, NOISE_M = 0.03, 0.06
+"""How well a correction must explain a pair, as standard deviations."""
+END_M = 0.03
+"""Error of a surface's ends across it: the direction of short surfaces is uncertain."""
+LEAST_OVERLAP_M = 0.3
 PARALLEL = np.sin(np.radians(30.0))
 FEWEST = 3
+MOST_SUPPORT_M = 2.0
+"""What one surface adds to a correction's support: its length, up to this."""
+LEAST_SUPPORT_M = 5.0
 RIVAL = 0.7
-"""A rival correction with this share of the best one's support makes both ambiguous."""
-APART_M = 0.25
-MOST_SEEDS = 24
+"""A rival with this share of the best one's support makes both ambiguous."""
+OTHER_M, OTHER_RAD = 0.3, np.radians(8.0)
+"""Corrections that differ by more are rivals."""
+MOST_SEEDS = 40
 
 
 @dataclass(frozen=True)
@@ -53,186 +68,253 @@ class Same:
 
     Attributes:
         concept, node: who says so.
-        pair: ids of the surfaces.
-        point: where they lie side by side, halfway between them.
-        sigmas: how exactly they are one plane: angle in rad, offset in m.
+        pair: ids of the older and the newer surface.
     """
 
     concept: str
     node: int
     pair: tuple[int, int]
-    point: tuple[float, float]
-    sigmas: tuple[float, float] = TIE_SIGMAS
+
+
+@dataclass(frozen=True)
+class Association:
+    """What votes decided.
+
+    Attributes:
+        same: pairs of surfaces that are one.
+        apart: surfaces that the front end took for one at a later visit, wrongly: id and row of
+            the keyframe that begins the visit.
+    """
+
+    same: Sequence[Same] = ()
+    apart: Sequence[tuple[int, int]] = ()
 
 
 def associate(
-    graph: SGraph,
-    proposals: Sequence[Proposal],
-    known: Sequence[Same] = (),
-) -> list[Same]:
-    """Return the proposed pairs that are one surface.
+    graph: SGraph, proposals: Sequence[Proposal], known: Association = Association()
+) -> Association:
+    """Return which of the proposed pairs are one surface.
 
     Args:
         graph: an S-Graph whose low layers are solved.
         proposals: pairs of observed surfaces.
-        known: pairs that the map has been solved with.
+        known: what was decided before.
     """
-    together = _seen_together(graph)
-    done = {frozenset(same.pair) for same in known}
-    refused = done | together
-    open_ = [
-        (proposal, np.array(pairs))
-        for proposal in proposals
-        if (pairs := [pair for pair in proposal.pairs if frozenset(pair) not in refused])
-    ]
-    if not open_:
-        return []
-    uncertainty = Uncertainty(graph, known)
-    found = []
-    for proposal, pairs in open_:
-        found += _vote(graph, uncertainty, proposal, pairs)
-    unique = {frozenset(same.pair): same for same in found}
-    return list(unique.values())
+    visits = Visits(graph)
+    who = _candidates(proposals, visits, {frozenset(same.pair) for same in known.same})
+    if not who:
+        return Association()
+    votes = _votes(graph, list(who), visits, set(known.apart))
+    same: dict[tuple[int, int], Same] = {}
+    apart: set[tuple[int, int]] = set()
+    for first in range(0, len(graph.keyframes.ids), WINDOW // 2):
+        window = votes.within(first, first + WINDOW)
+        chosen, torn = _elect(window, _drift(visits, window))
+        for older, newer in window.pairs[chosen & ~window.held].tolist():
+            proposal = who[older, newer]
+            same[older, newer] = Same(proposal.concept, proposal.node, (older, newer))
+        apart |= {(int(i), int(t)) for i, t in zip(window.pairs[torn, 0], window.visits[torn, 0], strict=True)}
+    return Association(list(same.values()), sorted(apart))
 
 
-def _seen_together(graph: SGraph) -> set[frozenset[int]]:
-    seen: dict[int, list[int]] = {}
-    table = graph.observations
-    for surface, keyframe in zip(
-        table.surface_ids.tolist(), table.keyframe_ids.tolist(), strict=True
-    ):
-        seen.setdefault(keyframe, []).append(surface)
-    return {
-        frozenset((one, two)) for surfaces in seen.values() for one in surfaces for two in surfaces
-    }
+def _candidates(
+    proposals: Sequence[Proposal], visits: Visits, done: set[frozenset[int]]
+) -> dict[tuple[int, int], Proposal]:
+    """Return who proposes which pair, older surface first; not those that were seen together."""
+    who: dict[tuple[int, int], Proposal] = {}
+    for proposal in proposals:
+        for one, two in proposal.pairs:
+            pair = (one, two) if visits.first(one) <= visits.first(two) else (two, one)
+            if frozenset(pair) not in done and not visits.together(one, two):
+                who.setdefault(pair, proposal)
+    return who
 
 
 @dataclass(frozen=True, eq=False)
-class _Ballot:
-    """The possible pairs of one node, P of them.
+class _Votes:
+    """P pairs of surfaces that may be one.
 
     Attributes:
-        pairs: ids, [P, 2].
-        points: where they lie side by side, [P, 2].
-        normals: of the first surface, [P, 2].
-        innovations: angle and gap of each pair, [P, 2].
-        covariance: of all innovations, [2P, 2P].
+        pairs: ids of the older and the newer surface, [P, 2].
+        visits: rows of the first and the last keyframe of the visit to the newer one, [P, 2].
+        held: whether the front end itself recognised the surface: both are the same, [P].
+        points: where the surfaces lie side by side, [P, 2].
+        normals: of the older surface, [P, 2].
+        innovations: heading and offset of the older surface less those of the newer one, [P, 2].
+        sigmas: how well a correction must explain them, [P, 2].
+        segments: of both surfaces, [P, 2, 2, 2].
     """
 
     pairs: IntArray
+    visits: IntArray
+    held: NDArray[np.bool_]
     points: FloatArray
     normals: FloatArray
     innovations: FloatArray
-    covariance: FloatArray
+    sigmas: FloatArray
+    segments: FloatArray
+
+    def within(self, first: int, last: int) -> _Votes:
+        """Return what the keyframes from one to before another saw."""
+        return self.take((self.visits[:, 1] >= first) & (self.visits[:, 0] < last))
+
+    def take(self, rows: NDArray[np.bool_]) -> _Votes:
+        return _Votes(
+            self.pairs[rows],
+            self.visits[rows],
+            self.held[rows],
+            self.points[rows],
+            self.normals[rows],
+            self.innovations[rows],
+            self.sigmas[rows],
+            self.segments[rows],
+        )
 
 
-def _vote(
-    graph: SGraph, uncertainty: Uncertainty, proposal: Proposal, pairs: IntArray
-) -> list[Same]:
-    ballot = _possible(graph, uncertainty, pairs)
-    chosen = _elect(ballot)
-    return [
-        Same(proposal.concept, proposal.node, (int(a), int(b)), (float(x), float(y)))
-        for (a, b), (x, y) in zip(ballot.pairs[chosen], ballot.points[chosen], strict=True)
-    ]
-
-
-def _possible(graph: SGraph, uncertainty: Uncertainty, pairs: IntArray) -> _Ballot:
+def _votes(
+    graph: SGraph,
+    pairs: Sequence[tuple[int, int]],
+    visits: Visits,
+    apart: set[tuple[int, int]],
+) -> _Votes:
+    held = [(i, visit) for i, visit in visits.returns() if (i, visit[0]) not in apart]
+    ids = np.array([*pairs, *((i, i) for i, _ in held)], np.int64).reshape(-1, 2)
+    spans = [visits.first_visit(newer) for _, newer in pairs] + [visit for _, visit in held]
     surfaces = graph.wall_surfaces.ordered()
-    one, two = (np.array([graph.surface_row(i) for i in ids]) for ids in pairs.T.tolist())
+    one, two = (np.array([graph.surface_row(i) for i in side], np.int64) for side in ids.T.tolist())
     lie = coincidence(surfaces, one, two)
-    jacobian = uncertainty.differences(pairs, lie.points)
-    covariance = uncertainty.covariance(jacobian) + np.diag(np.tile(np.square(TIE_SIGMAS), len(pairs)))
-    innovations = np.stack([lie.angles, lie.gaps], axis=1)
-    single = np.array(
-        [
-            z @ np.linalg.solve(covariance[2 * k : 2 * k + 2, 2 * k : 2 * k + 2], z)
-            for k, z in enumerate(innovations)
-        ]
-    )
-    fit = np.flatnonzero(single <= chdtri(2, REJECTION))
-    both = _both(fit)
-    return _Ballot(
-        pairs[fit],
-        (lie.points + lie.gaps[:, None] / 2 * surfaces.normals[one])[fit],
-        surfaces.normals[one[fit]],
-        innovations[fit],
-        covariance[np.ix_(both, both)],
+    angle = np.hypot(NOISE_RAD, END_M / np.minimum(surfaces.lengths[one], surfaces.lengths[two]))
+    return _Votes(
+        ids,
+        np.array(spans, np.int64),
+        one == two,
+        lie.points,
+        surfaces.normals[one],
+        np.stack([lie.angles, lie.gaps], axis=1),
+        np.stack([angle, np.full(len(ids), NOISE_M)], axis=1),
+        surfaces.segments[np.stack([one, two], axis=1)],
     )
 
 
-def _both(pairs: IntArray) -> IntArray:
-    """Return the rows of the innovations of pairs."""
-    return np.asarray((2 * pairs[:, None] + np.arange(2)).ravel())
+def _drift(visits: Visits, window: _Votes) -> FloatArray:
+    """Return how much a window may have drifted: standard deviations of angle, x and y, [3]."""
+    if not len(window.pairs):
+        return np.ones(3)
+    ways = [
+        visits.way(visits.last_before(older, time), time)
+        for older, time in zip(
+            window.pairs[:, 0].tolist(), window.visits[:, 0].tolist(), strict=True
+        )
+    ]
+    way = float(np.median(ways))
+    shift = LEAST_DRIFT_M + DRIFT_SHARE * way
+    return np.array([LEAST_DRIFT_RAD + DRIFT_RAD_PER_M * way, shift, shift])
 
 
 @dataclass(frozen=True, eq=False)
-class _Correction:
-    support: IntArray
-    squares: float
+class _Corrections:
+    """C rigid corrections of a window: angle, x, y about its centre.
+
+    Attributes:
+        moves: [C, 3].
+        support: which pairs each explains, [C, P].
+    """
+
+    moves: FloatArray
+    support: NDArray[np.bool_]
 
 
-def _elect(ballot: _Ballot) -> IntArray:
-    """Return the pairs of the best-supported correction; none where another rivals it."""
-    corrections = [c for c in _corrections(ballot) if len(c.support) >= FEWEST]
-    if not corrections:
-        return np.empty(0, np.int64)
-    best = max(corrections, key=lambda c: (len(c.support), -c.squares))
-    rivals = [
-        c
-        for c in corrections
-        if len(c.support) >= RIVAL * len(best.support) and _contradict(ballot, best, c)
-    ]
-    return np.empty(0, np.int64) if rivals else best.support
+def _elect(
+    window: _Votes, drift: FloatArray
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return which pairs hold, and which of the front end's own do not."""
+    none = np.zeros(len(window.pairs), bool)
+    if (~window.held).sum() == 0 or len(window.pairs) < FEWEST:
+        return none, none
+    corrections = _corrections(window, drift)
+    if not len(corrections.moves):
+        return none, none
+    weights = _weights(window, corrections.support)
+    best = int(weights.argmax())
+    chosen = corrections.support[best]
+    torn = window.held & ~chosen
+    differs = np.abs(corrections.moves - corrections.moves[best]) > [OTHER_RAD, OTHER_M, OTHER_M]
+    rivals = weights[differs.any(axis=1)]
+    against = max(rivals.max(initial=0.0), _weights(window, torn[None])[0])
+    if weights[best] < LEAST_SUPPORT_M or against >= RIVAL * weights[best]:
+        return none, none
+    return chosen, torn
 
 
-def _corrections(ballot: _Ballot) -> list[_Correction]:
-    found = []
-    seeds = range(min(len(ballot.pairs), MOST_SEEDS))
-    for one in seeds:
-        for two in range(one):
-            normals = ballot.normals[[one, two]]
-            if abs(normals[0, 0] * normals[1, 1] - normals[0, 1] * normals[1, 0]) < PARALLEL:
-                continue
-            correction = _correction(ballot, np.array([one, two]))
-            if correction is not None:
-                found.append(correction)
-    return found
+def _weights(window: _Votes, support: NDArray[np.bool_]) -> FloatArray:
+    """Return the metres of wall that support corrections, each newer surface counted once, [C]."""
+    lengths = np.linalg.norm(window.segments[:, :, 1] - window.segments[:, :, 0], axis=2).min(axis=1)
+    lengths = np.minimum(lengths, MOST_SUPPORT_M)
+    newer, group = np.unique(window.pairs[:, 1], return_inverse=True)
+    total = np.zeros(len(support))
+    for number in range(len(newer)):
+        mine = group == number
+        total += np.where(support[:, mine], lengths[mine], 0.0).max(axis=1)
+    return total
 
 
-def _correction(ballot: _Ballot, seed: IntArray) -> _Correction | None:
-    """Return what supports the correction that two pairs fix; None if they contradict the map."""
-    rows, z, covariance = _both(seed), ballot.innovations.ravel(), ballot.covariance
-    gain = np.linalg.solve(covariance[np.ix_(rows, rows)], covariance[rows]).T
-    squares = float(z[rows] @ np.linalg.solve(covariance[np.ix_(rows, rows)], z[rows]))
-    if squares > chdtri(len(rows), REJECTION):
-        return None
-    left = z - gain @ z[rows]
-    remaining = covariance - gain @ covariance[rows]
-    support = list(seed)
-    for pair in range(len(ballot.pairs)):
-        if pair in seed:
-            continue
-        block = slice(2 * pair, 2 * pair + 2)
-        own = remaining[block, block]
-        if own[1, 1] > PREDICTED_M**2:
-            continue
-        misfit = float(left[block] @ np.linalg.solve(own, left[block]))
-        if misfit <= chdtri(2, REJECTION):
-            support.append(pair)
-            squares += misfit
-    return _Correction(np.array(sorted(support)), squares)
+def _corrections(window: _Votes, drift: FloatArray) -> _Corrections:
+    """Return the corrections that two pairs fix and several surfaces support."""
+    centre = window.points.mean(axis=0)
+    design = _design(window, centre) / window.sigmas[:, :, None]
+    target = window.innovations / window.sigmas
+    one, two = np.triu_indices(min(len(window.pairs), MOST_SEEDS), k=1)
+    seeds = np.abs(cross(window.normals[one], window.normals[two])) > PARALLEL
+    support = np.zeros((seeds.sum(), len(window.pairs)), bool)
+    rows = np.arange(len(support))
+    support[rows, one[seeds]] = support[rows, two[seeds]] = True
+    support &= True
+    for _ in range(2):
+        moves, squares = _fit(design, target, support, drift)
+        left = target - np.einsum("pij,cj->cpi", design, moves)
+        support = (left**2).sum(axis=2) <= chdtri(2, REJECTION)
+        support &= _side_by_side(window, moves, centre)
+    likely = ((moves / drift) ** 2).sum(axis=1) <= chdtri(3, REJECTION)
+    likely &= np.array([_spans(window, row) for row in support], bool)
+    return _Corrections(moves[likely], support[likely])
 
 
-def _contradict(ballot: _Ballot, one: _Correction, two: _Correction) -> bool:
-    """Return whether two corrections move some surface to different places."""
-    gaps: dict[int, list[float]] = {}
-    for pair in one.support.tolist():
-        for surface in ballot.pairs[pair].tolist():
-            gaps.setdefault(surface, []).append(ballot.innovations[pair, 1])
-    return any(
-        abs(gap - ballot.innovations[pair, 1]) > APART_M
-        for pair in two.support.tolist()
-        for surface in ballot.pairs[pair].tolist()
-        for gap in gaps.get(surface, [])
-    )
+def _design(window: _Votes, centre: FloatArray) -> FloatArray:
+    """Return how innovations follow from a correction of the newer side, [P, 2, 3]."""
+    normals, arms = window.normals, window.points - centre
+    design = np.zeros((len(normals), 2, 3))
+    design[:, 0, 0] = 1.0
+    design[:, 1, 0] = -cross(arms, normals)
+    design[:, 1, 1:] = -normals
+    return design
+
+
+def _fit(
+    design: FloatArray, target: FloatArray, support: NDArray[np.bool_], drift: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the least-squares corrections of supporting pairs and of the drift model, [C, 3]."""
+    normal = np.einsum("cp,pij,pik->cjk", support.astype(float), design, design)
+    right = np.einsum("cp,pij,pi->cj", support.astype(float), design, target)
+    moves = np.linalg.solve(normal + np.diag(1 / drift**2), right[:, :, None])[:, :, 0]
+    return moves, right
+
+
+def _side_by_side(window: _Votes, moves: FloatArray, centre: FloatArray) -> NDArray[np.bool_]:
+    """Return which pairs overlap once the newer surface is moved, [C, P]."""
+    tangents = np.stack([-window.normals[:, 1], window.normals[:, 0]], axis=1)
+    older = dot(window.segments[:, 0], tangents[:, None])
+    arms = window.segments[:, 1].mean(axis=1) - centre
+    turned = np.stack([-arms[:, 1], arms[:, 0]], axis=1)
+    shift = moves[:, None, 1:] + moves[:, :1, None] * turned
+    newer = dot(window.segments[:, 1], tangents[:, None]) + dot(shift, tangents)[:, :, None]
+    low = np.maximum(older.min(axis=1), newer.min(axis=2))
+    high = np.minimum(older.max(axis=1), newer.max(axis=2))
+    return np.asarray(high - low >= LEAST_OVERLAP_M)
+
+
+def _spans(window: _Votes, support: NDArray[np.bool_]) -> bool:
+    """Return whether enough surfaces support a correction, and not all of them in parallel."""
+    if len(np.unique(window.pairs[support, 1])) < FEWEST or window.held[support].all():
+        return False
+    normals = window.normals[support]
+    return bool(np.abs(cross(normals[:, None], normals[None])).max() > PARALLEL)

@@ -12,7 +12,7 @@ import numpy as np
 from sgraph_concepts.spec import WALL_SURFACE
 from sgraph_concepts.types import ConceptNode, FloatArray, IntArray, NodeShape
 from sgraph_core.backend.keys import Keys
-from sgraph_core.backend.low_layers import pose3
+from sgraph_core.backend.low_layers import LowLayers, pose3
 from sgraph_core.geometry import dot
 from sgraph_core.graph import SGraph
 
@@ -24,7 +24,7 @@ STAY = 1e-3
 """Weight of the members' mean motion where no plane tells how a point moves."""
 
 
-def moved(graph: SGraph, values: gtsam.Values, keys: Keys) -> SGraph:
+def moved(graph: SGraph, low: LowLayers, values: gtsam.Values, keys: Keys) -> SGraph:
     """Return an S-Graph with the poses and planes of a solution, and all that hangs on them.
 
     A surface is carried along by the keyframes that observed it (mean of where each would take its
@@ -35,7 +35,7 @@ def moved(graph: SGraph, values: gtsam.Values, keys: Keys) -> SGraph:
     solved = [values.atPose3(keys.keyframe(i)) for i in table.ids.tolist()]
     before = [pose3(pose) for pose in table.poses]
     moves = [new.compose(old.inverse()) for new, old in zip(solved, before, strict=True)]
-    segments, normals = _surfaces(graph, values, keys, moves)
+    segments, normals = _surfaces(graph, low, values, keys, moves)
     poses = np.array([_pose_row(pose) for pose in solved])
     result = graph.moved(poses, segments, normals)
     for name, nodes in graph.concepts.items():
@@ -45,19 +45,17 @@ def moved(graph: SGraph, values: gtsam.Values, keys: Keys) -> SGraph:
 
 
 def _surfaces(
-    graph: SGraph, values: gtsam.Values, keys: Keys, moves: Sequence[gtsam.Pose3]
+    graph: SGraph,
+    low: LowLayers,
+    values: gtsam.Values,
+    keys: Keys,
+    moves: Sequence[gtsam.Pose3],
 ) -> tuple[FloatArray, FloatArray]:
-    observers: dict[int, list[int]] = {}
-    seen = graph.observations
-    for surface, keyframe in zip(
-        seen.surface_ids.tolist(), seen.keyframe_ids.tolist(), strict=True
-    ):
-        observers.setdefault(surface, []).append(graph.keyframe_row(keyframe))
     matrices = np.array([move.matrix()[:2] for move in moves])
     segments = graph.wall_surfaces.segments.copy()
     normals = graph.wall_surfaces.normals.copy()
-    for surface, rows in observers.items():
-        row = graph.surface_row(surface)
+    for surface, observers in low.observers.items():
+        row, rows = graph.surface_row(surface), list(observers)
         turn, shift = matrices[rows, :, :2].mean(axis=0), matrices[rows, :, 3].mean(axis=0)
         carried = segments[row] @ turn.T + shift
         plane = values.atOrientedPlane3(keys.surface(surface)).planeCoefficients()

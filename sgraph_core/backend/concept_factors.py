@@ -13,7 +13,8 @@ from sgraph_concepts.errors import ConceptError
 from sgraph_concepts.registry import Registry
 from sgraph_concepts.spec import WALL_SURFACE
 from sgraph_concepts.types import ConceptNode, FactorContext, FactorResult
-from sgraph_core.backend.association import Proposal, Same, associate
+from sgraph_core.backend.association import TIE_SIGMAS, Proposal, Same, associate
+from sgraph_core.backend.coincidence import coincidence
 from sgraph_core.backend.checks import check_factors
 from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.low_layers import world_planes
@@ -101,7 +102,7 @@ def concept_factors(
         check_factors(f"factor of {name} {node.id}", result, planes, collected.values)
         collected.add(name, node.id, (), result)
         proposals.append(Proposal(name, node.id, result.same))
-    for pair in associate(graph, proposals) if same is None else same:
+    for pair in associate(graph, proposals).same if same is None else same:
         collected.add(pair.concept, pair.node, pair.pair, _tie(pair, graph, keys))
     return collected.done()
 
@@ -153,13 +154,17 @@ class _Collected:
 
 def _tie(same: Same, graph: SGraph, keys: Keys) -> FactorResult:
     one, two = same.pair
+    surfaces = graph.wall_surfaces.ordered()
+    row, other = (np.array([graph.surface_row(i)]) for i in same.pair)
+    lie = coincidence(surfaces, row, other)
+    normal = surfaces.normals[row[0]]
     return tie_planes(
         (keys.surface(one), keys.surface(two)),
         keys.tie(one, two),
-        np.array(same.point),
-        graph.wall_surfaces.normals[graph.surface_row(one)],
+        lie.points[0] + lie.gaps[0] / 2 * normal,
+        normal,
         None,
-        TieNoise(*same.sigmas),
+        TieNoise(*TIE_SIGMAS),
     )
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import gtsam
 
 from sgraph_concepts.registry import Registry
-from sgraph_core.backend.association import Same, associate
+from sgraph_core.backend.association import Association, associate
 from sgraph_core.backend.back_projection import moved
 from sgraph_core.backend.concept_factors import concept_factors, propose, with_ties
 from sgraph_core.backend.keys import Keys
@@ -32,7 +32,8 @@ class Optimization:
             before, of the whole graph afterwards.
         factors: number of factors in the last round.
         iterations: of Levenberg-Marquardt, of all rounds.
-        same: pairs of surfaces that were found to be one, those switched off later included.
+        association: which surfaces were found to be one, and which not; ties that were switched off
+            later included.
         refusals: which nodes and ties were switched off, and why.
     """
 
@@ -42,7 +43,7 @@ class Optimization:
     final_error: float
     factors: int
     iterations: int
-    same: Sequence[Same]
+    association: Association
     refusals: Sequence[Refusal]
 
     @property
@@ -77,29 +78,32 @@ def optimize(
     """
     keys = Keys()
     low = low_layers(graph, keys)
+    initial = low.graph.error(low.values)
     values, iterations = solve(low.graph, low.values)
-    current = moved(graph, values, keys)
+    current = moved(graph, low, values, keys)
     concepts = concept_factors(current, keys, factor_types, registry, same=())
-    same: list[Same] = []
+    found = Association()
     refusals: Sequence[Refusal] = ()
     for _ in range(MOST_ROUNDS):
-        new = associate(current, propose(current, factor_types, registry), same)
-        if same and not new:
+        new = associate(current, propose(current, factor_types, registry), found)
+        if found.same and not new.same:
             break
-        concepts, same = with_ties(concepts, new, current, keys), [*same, *new]
+        found = Association([*found.same, *new.same], [*found.apart, *new.apart])
+        low = low_layers(graph, keys, found.apart)
+        concepts = with_ties(concepts, new.same, current, keys)
         solution = solve_robustly(low, concepts, values, refusals)
         values, refusals = solution.values, solution.refusals
         iterations += solution.iterations
-        current = moved(graph, values, keys)
-        if not new:
+        current = moved(graph, low, values, keys)
+        if not new.same:
             break
     return Optimization(
         current,
         values,
-        low.graph.error(low.values),
+        initial,
         solution.factors.error(values),
         solution.factors.size(),
         iterations,
-        same,
+        found,
         refusals,
     )

@@ -116,9 +116,9 @@ def _assemble(
         for index in group.indices:
             factors.add(concepts.graph.at(index))
     values = gtsam.Values(start)
-    values.insert(concepts.values.extract([k for k in concepts.values.keys() if not start.exists(k)]))  # noqa: SIM118
-    present = factors.keyVector()
-    return factors, values.extract(present)
+    for initial in (concepts.values, low.values):
+        values.insert(initial.extract([key for key in initial.keys() if not values.exists(key)]))  # noqa: SIM118
+    return factors, values.extract(factors.keyVector())
 
 
 def _worst(

@@ -19,10 +19,10 @@ from sgraph_core.backend.coincidence import coincidence
 __all__ = ["factors"]
 
 SAME_ANGLE_RAD = np.radians(20.0)
-FARTHEST_M = 1.0
+FARTHEST_M = 3.0
 """Beyond this distance a surface that faces the same way may well be another room's."""
 LEAST_OVERLAP_M = 0.3
-SAME_PLACE = 0.3
+SAME_PLACE = 0.1
 """Share of the smaller outline that two rooms must share to be one room mapped twice."""
 
 
@@ -37,7 +37,7 @@ def factors(node: ConceptNode, context: FactorContext) -> FactorResult:
     once = ~np.isin(two, mine) | (one < two)  # two members would come in both orders
     one, two = one[once], two[once]
     lie = coincidence(surfaces, one, two)
-    twice = (lie.overlaps >= LEAST_OVERLAP_M) & (np.abs(lie.gaps) <= FARTHEST_M)
+    twice = (lie.overlaps >= -FARTHEST_M) & (np.abs(lie.gaps) <= FARTHEST_M)
     twice &= np.abs(lie.angles) <= SAME_ANGLE_RAD
     pairs = surfaces.ids[np.stack([one[twice], two[twice]], axis=1)]
     elsewhere = _elsewhere(node, context.nodes, set(pairs[:, 1].tolist()) - set(node.members))
