@@ -34,8 +34,10 @@ DRIFT_SHARE = 0.01
 DRIFT_RAD_PER_M = np.radians(0.02)
 LEAST_DRIFT_M, LEAST_DRIFT_RAD = 0.1, np.radians(1.0)
 REJECTION = 1e-2
-WINDOW = 30
+WINDOW = 20
 """Keyframes that see the older map again together: short enough to be rigid."""
+DOUBT = 30
+"""Keyframes around a correction within which the front end's own recognitions are doubted."""
 NOISE_RAD, NOISE_M = 0.03, 0.06
 """How well a correction must explain a pair, as standard deviations."""
 END_M = 0.03
@@ -82,12 +84,19 @@ class Association:
 
     Attributes:
         same: pairs of surfaces that are one.
-        apart: surfaces that the front end took for one at a later visit, wrongly: id and row of
-            the keyframe that begins the visit.
+        doubted: surfaces that the front end recognised at a later visit near which it was wrong
+            about others: id and row of the keyframe that begins the visit.
     """
 
     same: Sequence[Same] = ()
-    apart: Sequence[tuple[int, int]] = ()
+    doubted: Sequence[tuple[int, int]] = ()
+
+    def with_(self, other: Association) -> Association:
+        """Return both together; what comes first keeps its place."""
+        return Association(
+            list(dict.fromkeys([*self.same, *other.same])),
+            list(dict.fromkeys([*self.doubted, *other.doubted])),
+        )
 
 
 def associate(
@@ -104,17 +113,36 @@ def associate(
     who = _candidates(proposals, visits, {frozenset(same.pair) for same in known.same})
     if not who:
         return Association()
-    votes = _votes(graph, list(who), visits, set(known.apart))
-    same: dict[tuple[int, int], Same] = {}
-    apart: set[tuple[int, int]] = set()
-    for first in range(0, len(graph.keyframes.ids), WINDOW // 2):
-        window = votes.within(first, first + WINDOW)
-        chosen, torn = _elect(window, _drift(visits, window))
-        for older, newer in window.pairs[chosen & ~window.held].tolist():
-            proposal = who[older, newer]
-            same[older, newer] = Same(proposal.concept, proposal.node, (older, newer))
-        apart |= {(int(i), int(t)) for i, t in zip(window.pairs[torn, 0], window.visits[torn, 0], strict=True)}
-    return Association(list(same.values()), sorted(apart))
+    votes = _votes(graph, list(who), visits, set(known.doubted))
+    elections = [
+        election
+        for first in range(0, len(graph.keyframes.ids), WINDOW // 2)
+        if (election := _elect(votes.within(first, first + WINDOW), visits, first)) is not None
+    ]
+    found = Association()
+    for election in _surest(elections):
+        window = election.window
+        pairs = window.pairs[election.chosen & ~window.held].tolist()
+        same = [Same(who[a, b].concept, who[a, b].node, (a, b)) for a, b in pairs]
+        doubted = _doubted(votes, election.first) if election.moves else []
+        found = found.with_(Association(same, doubted))
+    return found
+
+
+def _surest(elections: Sequence[_Election]) -> list[_Election]:
+    """Return the best supported elections of their surroundings: the next round sees the others."""
+    taken: list[_Election] = []
+    for election in sorted(elections, key=lambda e: -e.weight):
+        if all(abs(election.first - other.first) > DOUBT for other in taken):
+            taken.append(election)
+    return taken
+
+
+def _doubted(votes: _Votes, first: int) -> list[tuple[int, int]]:
+    """Return what the front end recognised around a window: surfaces and beginnings of visits."""
+    near = votes.within(first - DOUBT, first + WINDOW + DOUBT)
+    near = near.take(near.held)
+    return list(zip(near.pairs[:, 0].tolist(), near.visits[:, 0].tolist(), strict=True))
 
 
 def _candidates(
@@ -224,16 +252,32 @@ class _Corrections:
     support: NDArray[np.bool_]
 
 
-def _elect(
-    window: _Votes, drift: FloatArray
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return which pairs hold, and which of the front end's own do not."""
-    none = np.zeros(len(window.pairs), bool)
-    if (~window.held).sum() == 0 or len(window.pairs) < FEWEST:
-        return none, none
-    corrections = _corrections(window, drift)
+@dataclass(frozen=True, eq=False)
+class _Election:
+    """A correction of a window that was accepted.
+
+    Attributes:
+        first: the window's first keyframe.
+        window: all its pairs.
+        chosen: which of them hold, [P].
+        moves: whether the window moves by more than the front end's gate may have missed.
+        weight: metres of wall in support.
+    """
+
+    first: int
+    window: _Votes
+    chosen: NDArray[np.bool_]
+    moves: bool
+    weight: float
+
+
+def _elect(window: _Votes, visits: Visits, first: int) -> _Election | None:
+    """Return the best supported correction of a window; None where none is beyond doubt."""
+    if window.held.all() or len(window.pairs) < FEWEST:
+        return None
+    corrections = _corrections(window, _drift(visits, window))
     if not len(corrections.moves):
-        return none, none
+        return None
     weights = _weights(window, corrections.support)
     best = int(weights.argmax())
     chosen = corrections.support[best]
@@ -242,8 +286,9 @@ def _elect(
     rivals = weights[differs.any(axis=1)]
     against = max(rivals.max(initial=0.0), _weights(window, torn[None])[0])
     if weights[best] < LEAST_SUPPORT_M or against >= RIVAL * weights[best]:
-        return none, none
-    return chosen, torn
+        return None
+    moves = bool((np.abs(corrections.moves[best]) > [OTHER_RAD, OTHER_M, OTHER_M]).any())
+    return _Election(first, window, chosen, moves, float(weights[best]))
 
 
 def _weights(window: _Votes, support: NDArray[np.bool_]) -> FloatArray:

@@ -54,8 +54,10 @@ def _surfaces(
     matrices = np.array([move.matrix()[:2] for move in moves])
     segments = graph.wall_surfaces.segments.copy()
     normals = graph.wall_surfaces.normals.copy()
-    for surface, observers in low.observers.items():
-        row, rows = graph.surface_row(surface), list(observers)
+    for row, surface in enumerate(graph.wall_surfaces.ids.tolist()):
+        if surface not in low.observers:
+            continue
+        rows = list(low.observers[surface])
         turn, shift = matrices[rows, :, :2].mean(axis=0), matrices[rows, :, 3].mean(axis=0)
         carried = segments[row] @ turn.T + shift
         plane = values.atOrientedPlane3(keys.surface(surface)).planeCoefficients()

@@ -153,14 +153,13 @@ class _Collected:
 
 
 def _tie(same: Same, graph: SGraph, keys: Keys) -> FactorResult:
-    one, two = same.pair
     surfaces = graph.wall_surfaces.ordered()
-    row, other = (np.array([graph.surface_row(i)]) for i in same.pair)
-    lie = coincidence(surfaces, row, other)
-    normal = surfaces.normals[row[0]]
+    one, two = (np.array([graph.surface_row(i)]) for i in same.pair)
+    lie = coincidence(surfaces, one, two)
+    normal = surfaces.normals[one[0]]
     return tie_planes(
-        (keys.surface(one), keys.surface(two)),
-        keys.tie(one, two),
+        (keys.surface(same.pair[0]), keys.surface(same.pair[1])),
+        keys.tie(*same.pair),
         lie.points[0] + lie.gaps[0] / 2 * normal,
         normal,
         None,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import gtsam
 import networkx as nx
@@ -43,16 +44,16 @@ class LowLayers:
 
 
 def low_layers(
-    graph: SGraph, keys: Keys | None = None, apart: Sequence[tuple[int, int]] = ()
+    graph: SGraph, keys: Keys | None = None, doubted: Mapping[tuple[int, int], int] = MappingProxyType({})
 ) -> LowLayers:
     """Return the low layers of an S-Graph as a factor graph.
 
     Args:
         graph: the S-Graph.
         keys: the keys of keyframes and surfaces.
-        apart: surfaces, by id, of which a later visit, by the row of its first keyframe, saw
-            something else: that visit's observations get a plane of their own, under the key of a
-            surface id above all others.
+        doubted: later visits, by surface id and row of the first keyframe, that may have seen
+            another surface: their observations get a plane of their own, under the key of the new
+            surface id that is given for each.
 
     Raises:
         OptimizationError: there are no keyframes or observations, or odometry does not connect
@@ -62,33 +63,32 @@ def low_layers(
     _require_connected(graph)
     factors, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
     _add_keyframes(graph, keys, factors, values)
-    seen = _seen(graph, apart)
+    seen = _seen(graph, doubted)
     planes = world_planes(graph)
     for surface, of in sorted({(i, of) for i, of, _ in seen}):
         plane = planes[graph.surface_row(of)]
         values.insert(keys.surface(surface), gtsam.OrientedPlane3(*plane))
     _add_observations(graph, keys, [surface for surface, _, _ in seen], factors)
     observers: dict[int, list[int]] = {}
-    for surface, of, row in sorted(seen):
-        if surface == of:
-            observers.setdefault(surface, []).append(row)
+    for surface, _, row in sorted(seen):
+        observers.setdefault(surface, []).append(row)
     return LowLayers(factors, values, observers)
 
 
-def _seen(graph: SGraph, apart: Sequence[tuple[int, int]]) -> list[tuple[int, int, int]]:
+def _seen(graph: SGraph, doubted: Mapping[tuple[int, int], int]) -> list[tuple[int, int, int]]:
     """Return of each observation the plane's surface id, the id it came with, and its keyframe."""
     table = graph.observations
+    ids = table.surface_ids.tolist()
     rows = [graph.keyframe_row(i) for i in table.keyframe_ids.tolist()]
-    own = {(surface, row): surface for surface, row in zip(table.surface_ids.tolist(), rows, strict=True)}
-    visits, new = Visits(graph), int(graph.wall_surfaces.ids.max()) + 1
-    for number, (surface, start) in enumerate(sorted(apart)):
+    if not doubted:
+        return [(surface, surface, row) for surface, row in zip(ids, rows, strict=True)]
+    visits, other = Visits(graph), {}
+    for (surface, start), new in doubted.items():
         first, last = next(visit for visit in visits.visits(surface) if visit[0] == start)
-        for row in range(first, last + 1):
-            if (surface, row) in own:
-                own[surface, row] = new + number
+        other.update({(surface, row): new for row in range(first, last + 1)})
     return [
-        (own[surface, row], surface, row)
-        for surface, row in zip(table.surface_ids.tolist(), rows, strict=True)
+        (other.get((surface, row), surface), surface, row)
+        for surface, row in zip(ids, rows, strict=True)
     ]
 
 

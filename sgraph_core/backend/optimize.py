@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import gtsam
+import numpy as np
 
 from sgraph_concepts.registry import Registry
 from sgraph_core.backend.association import Association, associate
@@ -18,7 +19,9 @@ from sgraph_core.graph import SGraph
 
 __all__ = ["Optimization", "optimize"]
 
-MOST_ROUNDS = 5
+MOST_ROUNDS = 10
+AGREE_RAD, AGREE_M = 0.1, 0.2
+"""A visit that sees a plane closer to the surface's than this saw the surface."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,10 +91,15 @@ def optimize(
         new = associate(current, propose(current, factor_types, registry), found)
         if found.same and not new.same:
             break
-        found = Association([*found.same, *new.same], [*found.apart, *new.apart])
-        low = low_layers(graph, keys, found.apart)
+        found = found.with_(new)
         concepts = with_ties(concepts, new.same, current, keys)
-        solution = solve_robustly(low, concepts, values, refusals)
+        doubted = _visit_ids(graph, found.doubted)
+        low = low_layers(graph, keys, doubted)
+        solution = solve_robustly(low, concepts, values, keys, refusals)
+        if new.doubted:
+            doubted = _still_doubted(graph, doubted, solution.values, keys)
+            low = low_layers(graph, keys, doubted)
+            solution = solve_robustly(low, concepts, solution.values, keys, solution.refusals)
         values, refusals = solution.values, solution.refusals
         iterations += solution.iterations
         current = moved(graph, low, values, keys)
@@ -107,3 +115,28 @@ def optimize(
         found,
         refusals,
     )
+
+
+def _visit_ids(
+    graph: SGraph, doubted: Sequence[tuple[int, int]]
+) -> dict[tuple[int, int], int]:
+    """Return surface ids for doubted visits, above all others and in the given order."""
+    above = int(graph.wall_surfaces.ids.max()) + 1
+    return {visit: above + number for number, visit in enumerate(doubted)}
+
+
+def _still_doubted(
+    graph: SGraph, doubted: Mapping[tuple[int, int], int], values: gtsam.Values, keys: Keys
+) -> dict[tuple[int, int], int]:
+    """Return the visits that, left to themselves, see another plane than the surface's."""
+    still = {}
+    for (surface, row), visit in doubted.items():
+        middle = graph.wall_surface(surface).segment.mean(axis=0)
+        one, two = (
+            values.atOrientedPlane3(keys.surface(i)).planeCoefficients() for i in (surface, visit)
+        )
+        angle = np.arccos(np.clip(one[:3] @ two[:3], -1, 1))
+        gap = (one[:2] - two[:2]) @ middle + one[3] - two[3]
+        if angle > AGREE_RAD or abs(gap) > AGREE_M:
+            still[surface, row] = visit
+    return still

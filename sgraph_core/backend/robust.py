@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import gtsam
@@ -10,13 +10,16 @@ from scipy.special import chdtri
 
 from sgraph_concepts.errors import OptimizationError
 from sgraph_core.backend.concept_factors import ConceptFactors, FactorGroup
+from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.low_layers import LowLayers
 
 __all__ = ["Refusal", "RobustSolution", "solve", "solve_robustly"]
 
 REJECTION = 1e-3
 """Probability with which correct factors are switched off."""
-MOST_ROUNDS = 10
+MOST_ROUNDS = 30
+STRETCH = 20
+"""Keyframes that are near one another: what they saw may be bent by one wrong factor."""
 
 
 @dataclass(frozen=True)
@@ -77,6 +80,7 @@ def solve_robustly(
     low: LowLayers,
     concepts: ConceptFactors,
     start: gtsam.Values,
+    keys: Keys,
     refusals: Sequence[Refusal] = (),
 ) -> RobustSolution:
     """Solve, switch off the worst misfits, and solve again until all that remains fits.
@@ -87,16 +91,17 @@ def solve_robustly(
         low: the low layers.
         concepts: the concepts' factors.
         start: where to begin; variables that it lacks begin at their initial values.
+        keys: the keys of the planes.
         refusals: what was switched off before and stays so.
     """
-    off, iterations = list(refusals), 0
+    off, iterations, near = list(refusals), 0, _stretches(low, keys)
     values = start
     for _ in range(MOST_ROUNDS):
         kept = _kept(concepts, off)
         factors, values = _assemble(low, concepts, kept, values)
         values, steps = solve(factors, values)
         iterations += steps
-        worst = _worst(concepts, kept, values)
+        worst = _worst(concepts, kept, values, near)
         if not worst:
             break
         off += worst
@@ -121,21 +126,32 @@ def _assemble(
     return factors, values.extract(factors.keyVector())
 
 
+def _stretches(low: LowLayers, keys: Keys) -> dict[int, set[int]]:
+    """Return the stretches of the drive that saw each plane, by the plane's key."""
+    return {
+        keys.surface(surface): {row // STRETCH for row in rows}
+        for surface, rows in low.observers.items()
+    }
+
+
 def _worst(
-    concepts: ConceptFactors, groups: Sequence[FactorGroup], values: gtsam.Values
+    concepts: ConceptFactors,
+    groups: Sequence[FactorGroup],
+    values: gtsam.Values,
+    near: Mapping[int, set[int]],
 ) -> list[Refusal]:
-    """Return the misfits that share no variable with a worse one."""
+    """Return the misfits that no worse one was seen near."""
     own = concepts.values.dims()
     found = []
     for group in groups:
         refusal, keys = _misfit(concepts, group, values, own)
         if refusal is not None:
-            found.append((refusal, keys))
+            found.append((refusal, set[int]().union(*(near.get(key, ()) for key in keys))))
     worst, claimed = [], set[int]()
-    for refusal, keys in sorted(found, key=lambda f: -f[0].squares / f[0].threshold):
-        if claimed.isdisjoint(keys):
+    for refusal, stretches in sorted(found, key=lambda f: -f[0].squares / f[0].threshold):
+        if claimed.isdisjoint(stretches):
             worst.append(refusal)
-        claimed |= keys
+        claimed |= stretches
     return worst
 
 
