@@ -7,10 +7,7 @@ The copies may also have become a room of their own over this one, or belong to 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from sgraph_concepts.types import ConceptNode, FactorContext, FactorResult, IntArray, SurfaceArrays
@@ -22,8 +19,6 @@ SAME_ANGLE_RAD = np.radians(20.0)
 FARTHEST_M = 3.0
 """Beyond this distance a surface that faces the same way may well be another room's."""
 LEAST_OVERLAP_M = 0.3
-SAME_PLACE = 0.1
-"""Share of the smaller outline that two rooms must share to be one room mapped twice."""
 
 
 def factors(node: ConceptNode, context: FactorContext) -> FactorResult:
@@ -40,8 +35,7 @@ def factors(node: ConceptNode, context: FactorContext) -> FactorResult:
     twice = (lie.overlaps >= -FARTHEST_M) & (np.abs(lie.gaps) <= FARTHEST_M)
     twice &= np.abs(lie.angles) <= SAME_ANGLE_RAD
     pairs = surfaces.ids[np.stack([one[twice], two[twice]], axis=1)]
-    elsewhere = _elsewhere(node, context.nodes, set(pairs[:, 1].tolist()) - set(node.members))
-    return FactorResult(same=[(a, b) for a, b in pairs.tolist() if b not in elsewhere])
+    return FactorResult(same=[(first, second) for first, second in pairs.tolist()])
 
 
 def _near(surfaces: SurfaceArrays, mine: IntArray) -> NDArray[np.bool_]:
@@ -50,26 +44,3 @@ def _near(surfaces: SurfaceArrays, mine: IntArray) -> NDArray[np.bool_]:
     high = surfaces.segments[mine].max(axis=(0, 1)) + FARTHEST_M
     ends = surfaces.segments
     return np.asarray(((ends.max(axis=1) >= low) & (ends.min(axis=1) <= high)).all(axis=1))
-
-
-def _elsewhere(node: ConceptNode, rooms: Sequence[ConceptNode], surfaces: set[int]) -> set[int]:
-    """Return which surfaces belong to rooms that are certainly not this room mapped twice."""
-    outline = _outline(node)
-    found: set[int] = set()
-    for room in rooms:
-        if surfaces.isdisjoint(room.members) or room.id == node.id:
-            continue
-        other = _outline(room)
-        if outline is None or other is None or not _one_place(outline, other):
-            found |= surfaces.intersection(room.members)
-    return found
-
-
-def _outline(room: ConceptNode) -> shapely.Polygon | None:
-    polygon = room.shape.polygon
-    return None if polygon is None else shapely.Polygon(polygon, room.shape.holes)
-
-
-def _one_place(one: shapely.Polygon, two: shapely.Polygon) -> bool:
-    shared = one.buffer(0).intersection(two.buffer(0)).area
-    return bool(shared >= SAME_PLACE * min(one.area, two.area))
