@@ -293,14 +293,16 @@ def _elect(window: _Votes, visits: Visits, first: int) -> _Election | None:
 
 def _weights(window: _Votes, support: NDArray[np.bool_]) -> FloatArray:
     """Return the metres of wall that support corrections, each newer surface counted once, [C]."""
-    lengths = np.linalg.norm(window.segments[:, :, 1] - window.segments[:, :, 0], axis=2).min(axis=1)
-    lengths = np.minimum(lengths, MOST_SUPPORT_M)
-    newer, group = np.unique(window.pairs[:, 1], return_inverse=True)
-    total = np.zeros(len(support))
-    for number in range(len(newer)):
-        mine = group == number
-        total += np.where(support[:, mine], lengths[mine], 0.0).max(axis=1)
-    return total
+    ends = window.segments[:, 1]
+    lengths = np.minimum(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), MOST_SUPPORT_M)
+    _, first, group = np.unique(window.pairs[:, 1], return_index=True, return_inverse=True)
+    return np.asarray(_of_groups(support, group) @ lengths[first])
+
+
+def _of_groups(support: NDArray[np.bool_], group: IntArray) -> NDArray[np.bool_]:
+    """Return which groups of pairs have one that supports each correction, [C, groups]."""
+    member = group[:, None] == np.arange(group.max(initial=-1) + 1)
+    return np.asarray(support.astype(np.float64) @ member > 0)
 
 
 def _corrections(window: _Votes, drift: FloatArray) -> _Corrections:
@@ -308,20 +310,24 @@ def _corrections(window: _Votes, drift: FloatArray) -> _Corrections:
     centre = window.points.mean(axis=0)
     design = _design(window, centre) / window.sigmas[:, :, None]
     target = window.innovations / window.sigmas
+    crossing = np.abs(cross(window.normals[:, None], window.normals[None])) > PARALLEL
     one, two = np.triu_indices(min(len(window.pairs), MOST_SEEDS), k=1)
-    seeds = np.abs(cross(window.normals[one], window.normals[two])) > PARALLEL
-    support = np.zeros((seeds.sum(), len(window.pairs)), bool)
+    seeds = crossing[one, two]
+    support = np.zeros((int(seeds.sum()), len(window.pairs)), bool)
     rows = np.arange(len(support))
     support[rows, one[seeds]] = support[rows, two[seeds]] = True
-    support &= True
     for _ in range(2):
-        moves, squares = _fit(design, target, support, drift)
-        left = target - np.einsum("pij,cj->cpi", design, moves)
-        support = (left**2).sum(axis=2) <= chdtri(2, REJECTION)
+        moves = _fit(design, target, support, drift)
+        likely = ((moves / drift) ** 2).sum(axis=1) <= chdtri(3, REJECTION)
+        moves = moves[likely]
+        left = target.ravel() - moves @ design.reshape(-1, 3).T
+        support = (left.reshape(len(moves), len(window.pairs), 2) ** 2).sum(axis=2) <= chdtri(2, REJECTION)
         support &= _side_by_side(window, moves, centre)
-    likely = ((moves / drift) ** 2).sum(axis=1) <= chdtri(3, REJECTION)
-    likely &= np.array([_spans(window, row) for row in support], bool)
-    return _Corrections(moves[likely], support[likely])
+    _, group = np.unique(window.pairs[:, 1], return_inverse=True)
+    spans = ((support.astype(np.float64) @ crossing > 0) & support).any(axis=1)
+    spans &= _of_groups(support, group).sum(axis=1) >= FEWEST
+    spans &= (support & ~window.held).any(axis=1)
+    return _Corrections(moves[spans], support[spans])
 
 
 def _design(window: _Votes, centre: FloatArray) -> FloatArray:
@@ -336,12 +342,13 @@ def _design(window: _Votes, centre: FloatArray) -> FloatArray:
 
 def _fit(
     design: FloatArray, target: FloatArray, support: NDArray[np.bool_], drift: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+) -> FloatArray:
     """Return the least-squares corrections of supporting pairs and of the drift model, [C, 3]."""
-    normal = np.einsum("cp,pij,pik->cjk", support.astype(float), design, design)
-    right = np.einsum("cp,pij,pi->cj", support.astype(float), design, target)
-    moves = np.linalg.solve(normal + np.diag(1 / drift**2), right[:, :, None])[:, :, 0]
-    return moves, right
+    weights = support.astype(np.float64)
+    squares = np.einsum("pij,pik->pjk", design, design).reshape(-1, 9)
+    normal = (weights @ squares).reshape(-1, 3, 3) + np.diag(1 / drift**2)
+    right = weights @ np.einsum("pij,pi->pj", design, target)
+    return np.asarray(np.linalg.solve(normal, right[:, :, None])[:, :, 0])
 
 
 def _side_by_side(window: _Votes, moves: FloatArray, centre: FloatArray) -> NDArray[np.bool_]:
@@ -355,11 +362,3 @@ def _side_by_side(window: _Votes, moves: FloatArray, centre: FloatArray) -> NDAr
     low = np.maximum(older.min(axis=1), newer.min(axis=2))
     high = np.minimum(older.max(axis=1), newer.max(axis=2))
     return np.asarray(high - low >= LEAST_OVERLAP_M)
-
-
-def _spans(window: _Votes, support: NDArray[np.bool_]) -> bool:
-    """Return whether enough surfaces support a correction, and not all of them in parallel."""
-    if len(np.unique(window.pairs[support, 1])) < FEWEST or window.held[support].all():
-        return False
-    normals = window.normals[support]
-    return bool(np.abs(cross(normals[:, None], normals[None])).max() > PARALLEL)
