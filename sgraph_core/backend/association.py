@@ -45,9 +45,13 @@ END_M = 0.03
 LEAST_OVERLAP_M = 0.3
 PARALLEL = np.sin(np.radians(30.0))
 FEWEST = 3
+FEWEST_NEW = 2
+"""Surfaces that must support a correction; those mapped anew, if it moves them far."""
 MOST_SUPPORT_M = 2.0
 """What one surface adds to a correction's support: its length, up to this."""
 LEAST_SUPPORT_M = 5.0
+EXPLAINED = 0.7
+"""Share of what a window saw, and what might be known, that its correction must explain."""
 RIVAL = 0.7
 """A rival with this share of the best one's support makes both ambiguous."""
 OTHER_M, OTHER_RAD = 0.3, np.radians(8.0)
@@ -285,9 +289,14 @@ def _elect(window: _Votes, visits: Visits, first: int) -> _Election | None:
     differs = np.abs(corrections.moves - corrections.moves[best]) > [OTHER_RAD, OTHER_M, OTHER_M]
     rivals = weights[differs.any(axis=1)]
     against = max(rivals.max(initial=0.0), _weights(window, torn[None])[0])
-    if weights[best] < LEAST_SUPPORT_M or against >= RIVAL * weights[best]:
+    everything = _weights(window, np.ones((1, len(chosen)), bool))[0]
+    if weights[best] < max(LEAST_SUPPORT_M, EXPLAINED * everything):
+        return None
+    if against >= RIVAL * weights[best]:
         return None
     moves = bool((np.abs(corrections.moves[best]) > [OTHER_RAD, OTHER_M, OTHER_M]).any())
+    if moves and len(np.unique(window.pairs[chosen & ~window.held, 1])) < FEWEST_NEW:
+        return None
     return _Election(first, window, chosen, moves, float(weights[best]))
 
 

@@ -71,16 +71,16 @@ def _followed(node: ConceptNode, before: SGraph, after: SGraph) -> ConceptNode:
     """Return a node whose shape has moved with its members.
 
     A point keeps its distances from the planes around it, by least squares: a corner of an outline
-    from the members near it, a centre from all members. A thickness grows by what the members'
-    distance from the centre grows. Attributes stay: only a plugin knows what they mean.
+    from the members near it, a centre from all members. The thickness between two members is measured
+    anew at the centre. Attributes stay: only a plugin knows what they mean.
     """
     rows = np.array([before.surface_row(member) for member in node.members], np.int64)
     follow = _Members(before, after, rows)
     shape = node.shape
     centre = None if shape.centre is None else follow.ring([shape.centre], np.inf)[0]
     thickness = shape.thickness
-    if thickness is not None and shape.centre is not None:
-        thickness = max(thickness + follow.growth(np.array(shape.centre)), 0.0)
+    if thickness is not None and centre is not None and len(node.members) == 2:
+        thickness = follow.thickness(np.array(centre))
     return replace(
         node,
         shape=NodeShape(
@@ -115,9 +115,10 @@ class _Members:
         moves = [self._move(np.array(point), near_m) for point in points]
         return tuple((x + dx, y + dy) for (x, y), (dx, dy) in zip(points, moves, strict=True))
 
-    def growth(self, point: FloatArray) -> float:
-        """Return by how much the members' planes move away from a point behind them."""
-        return float(-self._approach(point, point).sum())
+    def thickness(self, point: FloatArray) -> float:
+        """Return how far the members' planes lie behind a point between them, together."""
+        in_front = dot(point - self._new_segments.mean(axis=1), self._new_normals)
+        return max(float(-in_front.sum()), 0.0)
 
     def _approach(self, point: FloatArray, new_point: FloatArray) -> FloatArray:
         """Return how far each plane leaves the point in front of it, [M]."""
