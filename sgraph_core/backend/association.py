@@ -13,13 +13,13 @@ doors in a row each explains what is seen, and none is taken.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from sgraph_concepts.types import FloatArray, IntArray
+from sgraph_concepts.types import FloatArray, IntArray, SurfaceArrays
 from sgraph_core.backend.coincidence import coincidence
 from sgraph_core.backend.visits import Visits
 from sgraph_core.geometry import cross, dot
@@ -56,6 +56,12 @@ RIVAL = 0.7
 """A rival with this share of the best one's support makes both ambiguous."""
 OTHER_M, OTHER_RAD = 0.3, np.radians(8.0)
 """Corrections that differ by more are rivals."""
+ALIKE = 0.8
+"""Share of what was recognised that another place must have, to look like it."""
+SURE = 1 / 3
+"""Share of the shift by which a map repeats that a correction there may have."""
+REPEAT_M = 8.0
+"""How far away another place may look like the one that was recognised."""
 MOST_SEEDS = 40
 
 
@@ -126,6 +132,8 @@ def associate(
     found = Association()
     for election in _surest(elections):
         window = election.window
+        if election.moves and not _distinct(graph, election, visits):
+            continue
         pairs = window.pairs[election.chosen & ~window.held].tolist()
         same = [Same(who[a, b].concept, who[a, b].node, (a, b)) for a, b in pairs]
         doubted = _doubted(votes, election.first) if election.moves else []
@@ -214,16 +222,23 @@ def _votes(
     spans = [visits.first_visit(newer) for _, newer in pairs] + [visit for _, visit in held]
     surfaces = graph.wall_surfaces.ordered()
     one, two = (np.array([graph.surface_row(i) for i in side], np.int64) for side in ids.T.tolist())
+    return replace(
+        _pairs_of_rows(surfaces, one, two), held=one == two, visits=np.array(spans, np.int64)
+    )
+
+
+def _pairs_of_rows(surfaces: SurfaceArrays, one: IntArray, two: IntArray) -> _Votes:
+    """Return pairs of surfaces, by rows, as votes of no time."""
     lie = coincidence(surfaces, one, two)
     angle = np.hypot(NOISE_RAD, END_M / np.minimum(surfaces.lengths[one], surfaces.lengths[two]))
     return _Votes(
-        ids,
-        np.array(spans, np.int64),
-        one == two,
+        surfaces.ids[np.stack([one, two], axis=1)],
+        np.zeros((len(one), 2), np.int64),
+        np.zeros(len(one), bool),
         lie.points,
         surfaces.normals[one],
         np.stack([lie.angles, lie.gaps], axis=1),
-        np.stack([angle, np.full(len(ids), NOISE_M)], axis=1),
+        np.stack([angle, np.full(len(one), NOISE_M)], axis=1),
         surfaces.segments[np.stack([one, two], axis=1)],
     )
 
@@ -264,15 +279,20 @@ class _Election:
         first: the window's first keyframe.
         window: all its pairs.
         chosen: which of them hold, [P].
-        moves: whether the window moves by more than the front end's gate may have missed.
+        move: the correction: angle, x and y, [3].
         weight: metres of wall in support.
     """
 
     first: int
     window: _Votes
     chosen: NDArray[np.bool_]
-    moves: bool
+    move: FloatArray
     weight: float
+
+    @property
+    def moves(self) -> bool:
+        """Whether the window moves by more than a front end's gate may have missed."""
+        return bool((np.abs(self.move) > [OTHER_RAD, OTHER_M, OTHER_M]).any())
 
 
 def _elect(window: _Votes, visits: Visits, first: int) -> _Election | None:
@@ -294,10 +314,47 @@ def _elect(window: _Votes, visits: Visits, first: int) -> _Election | None:
         return None
     if against >= RIVAL * weights[best]:
         return None
-    moves = bool((np.abs(corrections.moves[best]) > [OTHER_RAD, OTHER_M, OTHER_M]).any())
-    if moves and len(np.unique(window.pairs[chosen & ~window.held, 1])) < FEWEST_NEW:
-        return None
-    return _Election(first, window, chosen, moves, float(weights[best]))
+    election = _Election(first, window, chosen, corrections.moves[best], float(weights[best]))
+    anew = np.unique(window.pairs[chosen & ~window.held, 1])
+    return None if election.moves and len(anew) < FEWEST_NEW else election
+
+
+def _distinct(graph: SGraph, election: _Election, visits: Visits) -> bool:
+    """Return whether no other place near by looks like the one that was recognised.
+
+    The surfaces that were recognised are matched with the rest of the older map, like a visit that
+    has drifted far. Where a shift explains them as well, the map repeats, as rooms in a row do, and
+    only a correction that is clearly shorter than that shift tells a copy from the next room.
+    """
+    known = np.unique(election.window.pairs[election.chosen & ~election.window.held, 0])
+    surfaces = graph.wall_surfaces.ordered()
+    mine = np.array([graph.surface_row(i) for i in known.tolist()], np.int64)
+    older = np.array(
+        [
+            graph.surface_row(i)
+            for i in graph.observations.surface_ids
+            if visits.first(int(i)) < election.first
+        ],
+        np.int64,
+    )
+    one, two = (side.ravel() for side in np.meshgrid(np.unique(older), mine, indexing="ij"))
+    lie = coincidence(surfaces, one, two)
+    like = (one != two) & (np.abs(lie.gaps) <= REPEAT_M) & (np.abs(lie.angles) <= OTHER_RAD)
+    like &= lie.overlaps >= -REPEAT_M
+    if not like.any():
+        return True
+    place = _pairs_of_rows(surfaces, one[like], two[like])
+    shifts = _corrections(place, np.array([OTHER_RAD, REPEAT_M, REPEAT_M]) / 3)
+    lengths = np.linalg.norm(shifts.moves[:, 1:], axis=1)
+    repeats = (_weights(place, shifts.support) >= ALIKE * _own(surfaces, mine)) & (
+        lengths > OTHER_M
+    )
+    nearest = lengths[repeats].min(initial=np.inf)
+    return bool(np.linalg.norm(election.move[1:]) < SURE * nearest)
+
+
+def _own(surfaces: SurfaceArrays, rows: IntArray) -> float:
+    return float(np.minimum(surfaces.lengths[rows], MOST_SUPPORT_M).sum())
 
 
 def _weights(window: _Votes, support: NDArray[np.bool_]) -> FloatArray:
@@ -330,7 +387,9 @@ def _corrections(window: _Votes, drift: FloatArray) -> _Corrections:
         likely = ((moves / drift) ** 2).sum(axis=1) <= chdtri(3, REJECTION)
         moves = moves[likely]
         left = target.ravel() - moves @ design.reshape(-1, 3).T
-        support = (left.reshape(len(moves), len(window.pairs), 2) ** 2).sum(axis=2) <= chdtri(2, REJECTION)
+        support = (left.reshape(len(moves), len(window.pairs), 2) ** 2).sum(axis=2) <= chdtri(
+            2, REJECTION
+        )
         support &= _side_by_side(window, moves, centre)
     _, group = np.unique(window.pairs[:, 1], return_inverse=True)
     spans = ((support.astype(np.float64) @ crossing > 0) & support).any(axis=1)

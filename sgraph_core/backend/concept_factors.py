@@ -14,8 +14,8 @@ from sgraph_concepts.registry import Registry
 from sgraph_concepts.spec import WALL_SURFACE
 from sgraph_concepts.types import ConceptNode, FactorContext, FactorResult
 from sgraph_core.backend.association import TIE_SIGMAS, Proposal, Same, associate
-from sgraph_core.backend.coincidence import coincidence
 from sgraph_core.backend.checks import check_factors
+from sgraph_core.backend.coincidence import coincidence
 from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.low_layers import world_planes
 from sgraph_core.backend.ties import TieNoise, tie_planes
@@ -52,11 +52,13 @@ class ConceptFactors:
         graph: all factors.
         values: initial values of the nodes' own variables.
         groups: which factors stand or fall together.
+        proposals: pairs of surfaces that the nodes take for one, tied or not.
     """
 
     graph: gtsam.NonlinearFactorGraph
     values: gtsam.Values
     groups: Sequence[FactorGroup]
+    proposals: Sequence[Proposal] = ()
 
     @property
     def of_node(self) -> Mapping[tuple[str, int], list[int]]:
@@ -95,14 +97,13 @@ def concept_factors(
             wrong width, a variable that another node has.
     """
     keys, registry = keys or Keys(), registry if registry is not None else installed()
-    collected = _Collected(gtsam.NonlinearFactorGraph(), gtsam.Values(), [])
+    collected = _Collected(gtsam.NonlinearFactorGraph(), gtsam.Values(), [], [])
     planes = _plane_values(graph, keys)
-    proposals = []
     for name, node, result in _results(graph, keys, factor_types or {}, registry):
         check_factors(f"factor of {name} {node.id}", result, planes, collected.values)
         collected.add(name, node.id, (), result)
-        proposals.append(Proposal(name, node.id, result.same))
-    for pair in associate(graph, proposals).same if same is None else same:
+        collected.proposals.append(Proposal(name, node.id, result.same))
+    for pair in associate(graph, collected.proposals).same if same is None else same:
         collected.add(pair.concept, pair.node, pair.pair, _tie(pair, graph, keys))
     return collected.done()
 
@@ -115,6 +116,7 @@ def with_ties(
         gtsam.NonlinearFactorGraph(concepts.graph),
         gtsam.Values(concepts.values),
         list(concepts.groups),
+        list(concepts.proposals),
     )
     for pair in same:
         collected.add(pair.concept, pair.node, pair.pair, _tie(pair, graph, keys))
@@ -137,6 +139,7 @@ class _Collected:
     graph: gtsam.NonlinearFactorGraph
     values: gtsam.Values
     groups: list[FactorGroup]
+    proposals: list[Proposal]
 
     def add(self, concept: str, node: int, surfaces: tuple[int, ...], result: FactorResult) -> None:
         first = self.graph.size()
@@ -149,7 +152,7 @@ class _Collected:
             self.groups.append(FactorGroup(concept, node, surfaces, indices))
 
     def done(self) -> ConceptFactors:
-        return ConceptFactors(self.graph, self.values, self.groups)
+        return ConceptFactors(self.graph, self.values, self.groups, self.proposals)
 
 
 def _tie(same: Same, graph: SGraph, keys: Keys) -> FactorResult:
@@ -170,7 +173,9 @@ def _tie(same: Same, graph: SGraph, keys: Keys) -> FactorResult:
 def _plane_values(graph: SGraph, keys: Keys) -> gtsam.Values:
     values, planes = gtsam.Values(), world_planes(graph)
     for surface in sorted(set(graph.observations.surface_ids.tolist())):
-        values.insert(keys.surface(surface), gtsam.OrientedPlane3(*planes[graph.surface_row(surface)]))
+        values.insert(
+            keys.surface(surface), gtsam.OrientedPlane3(*planes[graph.surface_row(surface)])
+        )
     return values
 
 
@@ -180,7 +185,9 @@ def _results(
     for name in factor_types:
         registry[name]  # raises if there is none
     planes, segments = world_planes(graph), graph.wall_surfaces.segments
-    observed = {i: graph.surface_row(i) for i in sorted(set(graph.observations.surface_ids.tolist()))}
+    observed = {
+        i: graph.surface_row(i) for i in sorted(set(graph.observations.surface_ids.tolist()))
+    }
     surfaces = graph.wall_surfaces.ordered().take(np.array(list(observed.values()), np.int64))
     for concept in registry:
         name, spec = concept.spec.name, concept.spec

@@ -44,7 +44,9 @@ class LowLayers:
 
 
 def low_layers(
-    graph: SGraph, keys: Keys | None = None, doubted: Mapping[tuple[int, int], int] = MappingProxyType({})
+    graph: SGraph,
+    keys: Keys | None = None,
+    doubted: Mapping[tuple[int, int], int] = MappingProxyType({}),
 ) -> LowLayers:
     """Return the low layers of an S-Graph as a factor graph.
 

@@ -19,7 +19,7 @@ from sgraph_core.graph import SGraph
 
 __all__ = ["Optimization", "optimize"]
 
-MOST_ROUNDS = 10
+MOST_ROUNDS = 4
 AGREE_RAD, AGREE_M = 0.1, 0.2
 """A visit that sees a plane closer to the surface's than this saw the surface."""
 
@@ -87,8 +87,9 @@ def optimize(
     concepts = concept_factors(current, keys, factor_types, registry, same=())
     found = Association()
     refusals: Sequence[Refusal] = ()
+    proposals = concepts.proposals
     for _ in range(MOST_ROUNDS):
-        new = associate(current, propose(current, factor_types, registry), found)
+        new = associate(current, proposals, found)
         if found.same and not new.same:
             break
         found = found.with_(new)
@@ -105,6 +106,7 @@ def optimize(
         current = moved(graph, low, values, keys)
         if not new.same:
             break
+        proposals = propose(current, factor_types, registry)
     return Optimization(
         current,
         values,
@@ -117,9 +119,7 @@ def optimize(
     )
 
 
-def _visit_ids(
-    graph: SGraph, doubted: Sequence[tuple[int, int]]
-) -> dict[tuple[int, int], int]:
+def _visit_ids(graph: SGraph, doubted: Sequence[tuple[int, int]]) -> dict[tuple[int, int], int]:
     """Return surface ids for doubted visits, above all others and in the given order."""
     above = int(graph.wall_surfaces.ids.max()) + 1
     return {visit: above + number for number, visit in enumerate(doubted)}

@@ -17,7 +17,7 @@ __all__ = ["Refusal", "RobustSolution", "solve", "solve_robustly"]
 
 REJECTION = 1e-3
 """Probability with which correct factors are switched off."""
-MOST_ROUNDS = 30
+MOST_ROUNDS = 12
 STRETCH = 20
 """Keyframes that are near one another: what they saw may be bent by one wrong factor."""
 

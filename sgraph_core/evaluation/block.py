@@ -18,8 +18,8 @@ __all__ = ["SolveTimes", "block_of_rooms", "time_optimization"]
 
 ROOM_M = (5.0, 4.0)
 WALL_M = 0.15
-ODOMETRY_SIGMAS = np.array([1e-3, 1e-3, 0.02, 0.03, 0.03, 1e-3])
-PLANE_SIGMAS = np.array([0.01, 0.02])
+ODOMETRY_SIGMAS = np.array([1e-3, 1e-3, 2e-4, 1e-3, 1e-3, 1e-3])
+PLANE_SIGMAS = np.array([2e-3, 0.02])
 STOPS = ((-1.0, 0.0), (1.0, 0.0))
 """Where a room's keyframes are, from its middle."""
 
@@ -123,9 +123,13 @@ class _Drive:
             distance = float(normal @ (self._true[:2] - start)) + offset
             surface = 4 * room + side
             if surface not in table.ids:
-                ends = [_composed(self._believed, [*(p - self._true[:2]), 0])[:2] for p in (start, end)]
+                ends = [
+                    _composed(self._believed, [*(p - self._true[:2]), 0])[:2] for p in (start, end)
+                ]
                 turn = self._believed[2]
-                seen = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ normal
+                seen = (
+                    np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ normal
+                )
                 self._graph.add_wall_surface(surface, ends, seen)
             self._graph.observe(
                 surface, keyframe, [np.cos(heading), np.sin(heading), 0, distance], PLANE_SIGMAS

@@ -111,7 +111,9 @@ def office_drive(
             motion = compose(invert(true[keyframe - 1]), real)
             motion[2] = (motion[2] + np.pi) % (2 * np.pi) - np.pi
             far = float(np.hypot(*motion[:2]))
-            sigmas = drift * np.array([MOVE_SIGMA * far + 1e-3] * 2 + [TURN_SIGMA * np.sqrt(far) + 1e-3])
+            sigmas = drift * np.array(
+                [MOVE_SIGMA * far + 1e-3] * 2 + [TURN_SIGMA * np.sqrt(far) + 1e-3]
+            )
             motion = motion + rng.normal(0, 1, 3) * sigmas
             pose = compose(pose, motion)
         graph.add_keyframe(keyframe, row(pose), float(keyframe))
