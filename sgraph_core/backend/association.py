@@ -56,7 +56,7 @@ RIVAL = 0.7
 """A rival with this share of the best one's support makes both ambiguous."""
 OTHER_M, OTHER_RAD = 0.3, np.radians(8.0)
 """Corrections that differ by more are rivals."""
-ALIKE = 0.8
+ALIKE = 0.9
 """Share of what was recognised that another place must have, to look like it."""
 SURE = 1 / 3
 """Share of the shift by which a map repeats that a correction there may have."""
@@ -326,7 +326,7 @@ def _distinct(graph: SGraph, election: _Election, visits: Visits) -> bool:
     has drifted far. Where a shift explains them as well, the map repeats, as rooms in a row do, and
     only a correction that is clearly shorter than that shift tells a copy from the next room.
     """
-    known = np.unique(election.window.pairs[election.chosen & ~election.window.held, 0])
+    known = np.unique(election.window.pairs[election.chosen, 0])
     surfaces = graph.wall_surfaces.ordered()
     mine = np.array([graph.surface_row(i) for i in known.tolist()], np.int64)
     older = np.array(

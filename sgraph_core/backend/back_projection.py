@@ -58,8 +58,8 @@ def _surfaces(
         if surface not in low.observers:
             continue
         rows = list(low.observers[surface])
-        turn, shift = matrices[rows, :, :2].mean(axis=0), matrices[rows, :, 3].mean(axis=0)
-        carried = segments[row] @ turn.T + shift
+        mean = matrices[rows].mean(axis=0)
+        carried = segments[row] @ mean[:, :2].T + mean[:, 3]
         plane = values.atOrientedPlane3(keys.surface(surface)).planeCoefficients()
         size = np.linalg.norm(plane[:2])
         normals[row], offset = plane[:2] / size, plane[3] / size

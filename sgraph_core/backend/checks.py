@@ -1,4 +1,4 @@
-"""What a plugin's factors must be before they enter a graph: gtsam itself accepts nearly anything."""
+"""What a plugin's factors must be before they enter a graph: gtsam accepts nearly anything."""
 
 from __future__ import annotations
 
