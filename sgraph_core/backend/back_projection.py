@@ -71,8 +71,8 @@ def _followed(node: ConceptNode, before: SGraph, after: SGraph) -> ConceptNode:
     """Return a node whose shape has moved with its members.
 
     A point keeps its distances from the planes around it, by least squares: a corner of an outline
-    from the members near it, a centre from all members. The thickness between two members is measured
-    anew at the centre. Attributes stay: only a plugin knows what they mean.
+    from the members near it, a centre from all members. The thickness between two members is
+    measured anew at the centre. Attributes stay: only a plugin knows what they mean.
     """
     rows = np.array([before.surface_row(member) for member in node.members], np.int64)
     follow = _Members(before, after, rows)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from shapely import Polygon
 from drive import Array, compose, invert, row
+from shapely import Polygon
 
 from sgraph_concepts.types import ConceptNode, NodeShape
 from sgraph_core.graph import SGraph
@@ -27,7 +27,9 @@ def visit_rooms(visits: Sequence[tuple[Sequence[Sequence[float]], Sequence[float
         corners, poses = np.array(outline, float), []
         centre = np.array(Polygon(corners).representative_point().coords[0]) - [0.3, 0.0]
         for step in range(3):
-            poses.append(_keyframe(graph, np.array([*(centre + [0.3 * step, 0.0]), 0.0]), drift))
+            poses.append(
+                _keyframe(graph, np.array([centre[0] + 0.3 * step, centre[1], 0.0]), drift)
+            )
         members = [
             _see(graph, corners[side], corners[(side + 1) % len(corners)], poses, drift)
             for side in range(len(corners))
@@ -36,7 +38,7 @@ def visit_rooms(visits: Sequence[tuple[Sequence[Sequence[float]], Sequence[float
         rooms.append(ConceptNode(len(rooms), tuple(members), shape=shape, confidence=1.0))
         for step in range(AWAY):
             out = min(step, AWAY - 1 - step)
-            _keyframe(graph, np.array([*(centre + [0.0, -20.0 - out]), 0.0]), drift)
+            _keyframe(graph, np.array([centre[0], centre[1] - 20.0 - out, 0.0]), drift)
     graph.concepts["room"] = rooms
     return graph
 
