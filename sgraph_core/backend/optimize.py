@@ -97,7 +97,8 @@ def optimize(
         doubted = _visit_ids(graph, found.doubted)
         low = low_layers(graph, keys, doubted)
         solution = solve_robustly(low, concepts, values, keys, refusals)
-        if new.doubted:
+        if doubted:
+            iterations += solution.iterations
             doubted = _still_doubted(graph, doubted, solution.values, keys)
             low = low_layers(graph, keys, doubted)
             solution = solve_robustly(low, concepts, solution.values, keys, solution.refusals)

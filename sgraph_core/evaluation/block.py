@@ -66,7 +66,7 @@ def time_optimization(sizes: Sequence[int], repeats: int, seed: int) -> Iterator
 
 
 def block_of_rooms(count: int, rng: Generator) -> SGraph:
-    """Return the map of a drive through a block of rooms, row by row and back again.
+    """Return the map of a drive through a block of rooms, row by row.
 
     Every room has two keyframes and four surfaces; rooms and walls are the true ones.
     """
@@ -139,7 +139,7 @@ class _Drive:
 def _composed(pose: FloatArray, motion: FloatArray | Sequence[float]) -> FloatArray:
     cosine, sine = np.cos(pose[2]), np.sin(pose[2])
     x, y, turn = motion
-    return pose + np.array([cosine * x - sine * y, sine * x + cosine * y, turn])
+    return np.asarray(pose + np.array([cosine * x - sine * y, sine * x + cosine * y, turn]))
 
 
 def _row(pose: FloatArray) -> list[float]:
@@ -150,7 +150,8 @@ def _row(pose: FloatArray) -> list[float]:
 def _add_nodes(graph: SGraph, cells: Sequence[tuple[int, int]]) -> None:
     number = {cell: room for room, cell in enumerate(cells)}
     segments = graph.wall_surfaces.segments
-    rooms, walls = [], []
+    rooms: list[ConceptNode] = []
+    walls: list[ConceptNode] = []
     for (row, column), room in number.items():
         members = tuple(range(4 * room, 4 * room + 4))
         corners = segments[list(members), 0]

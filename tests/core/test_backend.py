@@ -302,10 +302,10 @@ def test_a_wall_that_contradicts_the_map_is_switched_off_and_the_report_says_why
     graph.add_keyframe(1, [5, 0, 0, 0, 0, 0, 1])
     graph.add_odometry(0, 1, [5, 0, 0, 0, 0, 0, 1], [1e-4] * 6)
     walls = []
-    for number, (y, gap) in enumerate([(0, 0.2), (3, 0.2), (6, 0.2), (9, 0.5)]):
+    for number, (y, gap) in enumerate([(-3, 0.2), (-1, 0.2), (3, 0.2), (0, 0.5)]):
         near, far = 2 * number, 2 * number + 1
-        graph.add_wall_surface(near, [[2, y - 1], [2, y + 1]], [-1, 0])
-        graph.add_wall_surface(far, [[2 + gap, y - 1], [2 + gap, y + 1]], [1, 0])
+        graph.add_wall_surface(near, [[2, y - 0.4], [2, y + 0.4]], [-1, 0])
+        graph.add_wall_surface(far, [[2 + gap, y - 0.4], [2 + gap, y + 0.4]], [1, 0])
         graph.observe(near, 0, [-1, 0, 0, 2.0], [0.01, 0.005])
         graph.observe(far, 1, [1, 0, 0, 3.0 - gap], [0.01, 0.005])
         shape = NodeShape(centre=(2 + gap / 2, y), thickness=gap)
