@@ -15,6 +15,9 @@ FEWEST_MEMBERS = 3
 """Two surfaces enclose nothing."""
 ABSORB_LOGIT = -2.0
 """A smaller cluster joins the room of its most likely relation, if that is not less likely."""
+FULL_WEIGHT_M = 1.0
+"""What relates surfaces shorter than this counts less, in proportion to their lengths: the end of a
+wall in a doorway sees as much of the one room as of the other."""
 IN_FRONT_M = 0.3
 """How far a room must reach in front of what joins it."""
 
@@ -23,7 +26,8 @@ def cluster(edges: ScoredEdges, scene: Scene) -> list[Cluster]:
     """Partition the surfaces by multicut, let stray ones join, and drop what faces outwards."""
     relation = canonical_relation(edges, scene)
     surfaces = scene.surfaces.take(relation.rows)
-    groups = multicut(len(relation.rows), relation.pairs, relation.logits)
+    weights = np.minimum(surfaces.lengths / FULL_WEIGHT_M, 1.0)[relation.pairs].prod(axis=1)
+    groups = multicut(len(relation.rows), relation.pairs, weights * relation.logits)
     large = [group for group in groups if len(group) >= FEWEST_MEMBERS]
     small = [group for group in groups if len(group) < FEWEST_MEMBERS]
     joined = _absorb(large, small, relation, surfaces)
