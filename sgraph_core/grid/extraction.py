@@ -11,7 +11,7 @@ from sgraph_concepts.types import FloatArray, IntArray, OccupancyGrid, SurfaceAr
 from sgraph_core.geometry import Geometries
 from sgraph_core.graph import SGraph
 from sgraph_core.grid.merging import merged
-from sgraph_core.grid.outlines import free_space, outlines
+from sgraph_core.grid.outlines import enclosed_area, free_space, outlines
 from sgraph_core.grid.pieces import straight_pieces
 from sgraph_core.grid.settings import SurfaceSettings
 
@@ -93,7 +93,7 @@ def _of_rooms_and_walls(
     if not lines:
         return lines
     shapes = np.array([shapely.linestrings(line) for line in lines])
-    areas = np.array([_area(line) for line in lines]) * cell**2
+    areas = np.array([enclosed_area(line) for line in lines]) * cell**2
     space = (areas < 0) & (areas > -settings.smallest_free_m2)
     drop = space.copy()
     rings = [shapely.Polygon(lines[n]) for n in np.flatnonzero(space)]
@@ -118,11 +118,3 @@ def _lone(shapes: Geometries, blobs: IntArray, smallest: float, gap: float) -> I
         if (grown == boxes).all():
             return np.asarray(blobs[small[blobs]])
         boxes = grown
-
-
-def _area(line: FloatArray) -> float:
-    """Return the signed area in a closed outline, positive around a blob; 0 for an open one."""
-    if (line[0] != line[-1]).any():
-        return 0.0
-    x, y = (line - line[0]).T
-    return float(x[:-1] @ y[1:] - x[1:] @ y[:-1]) / 2
