@@ -76,8 +76,9 @@ def outlines(mask: Mask, told: Told) -> list[FloatArray]:
 
 
 def enclosed_area(line: FloatArray) -> float:
-    """Return the area in a closed outline in cells: positive around a blob, negative around free
-    space, 0 for an open outline.
+    """Return the area that an outline encloses, in cells, 0 if it is open.
+
+    It is positive around a blob and negative around free space.
     """
     if (line[0] != line[-1]).any():
         return 0.0
