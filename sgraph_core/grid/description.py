@@ -5,14 +5,13 @@ from __future__ import annotations
 import json
 import math
 import re
-import warnings
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
 import yaml
 
-from sgraph_concepts.errors import MapFileError, MapWarning
+from sgraph_concepts.errors import MapFileError
 from sgraph_core.tables import LARGEST_COORDINATE_M
 
 __all__ = ["GridDescription", "Mode", "read_description"]
@@ -55,6 +54,7 @@ class GridDescription:
         negate: whether bright pixels are occupied.
         occupied_thresh, free_thresh: a cell is occupied above the one and free below the other.
         mode: how brightness becomes occupancy.
+        unknown: keys that are not map_server's. They are not read, as map_server does not.
     """
 
     image: Path
@@ -64,25 +64,19 @@ class GridDescription:
     occupied_thresh: float
     free_thresh: float
     mode: Mode
+    unknown: tuple[str, ...] = ()
 
 
 def read_description(path: str | Path) -> GridDescription:
     """Read the YAML file of a map_server map. The image is not looked at.
 
     Nothing in the file is constructed but text, lists and mappings; tags, anchors and aliases are
-    refused. Keys that map_server does not know are not read, with a warning.
+    refused.
 
     Raises:
         MapFileError: the file cannot be read or breaks a rule.
-
-    Warns:
-        MapWarning: the file has unknown keys.
     """
     document = _parse(_read_text(path), path)
-    unknown = [key for key in document if key not in KNOWN]
-    if unknown:
-        names = ", ".join(_shown(key) for key in unknown[:3])
-        warnings.warn(f"{path}: {names}: not a key of map_server, not read", MapWarning, 2)
     for key in REQUIRED:
         if key not in document:
             raise MapFileError(path, key, None, "is required")
@@ -191,6 +185,7 @@ class _Checks:
             occupied,
             free,
             self.mode(),
+            tuple(_shown(key) for key in self.document if key not in KNOWN),
         )
 
     def error(self, key: str, rule: str) -> MapFileError:

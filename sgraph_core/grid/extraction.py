@@ -6,12 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from sgraph_concepts.types import FloatArray, IntArray, OccupancyGrid, SurfaceArrays
 from sgraph_core.geometry import Geometries
 from sgraph_core.graph import SGraph
 from sgraph_core.grid.merging import merged
-from sgraph_core.grid.outlines import free_space, outlines
+from sgraph_core.grid.outlines import enclosed_area, free_space, outlines
 from sgraph_core.grid.pieces import straight_pieces
 from sgraph_core.grid.settings import SurfaceSettings
 
@@ -93,7 +94,7 @@ def _of_rooms_and_walls(
     if not lines:
         return lines
     shapes = np.array([shapely.linestrings(line) for line in lines])
-    areas = np.array([_area(line) for line in lines]) * cell**2
+    areas = np.array([enclosed_area(line) for line in lines]) * cell**2
     space = (areas < 0) & (areas > -settings.smallest_free_m2)
     drop = space.copy()
     rings = [shapely.Polygon(lines[n]) for n in np.flatnonzero(space)]
@@ -105,24 +106,33 @@ def _of_rooms_and_walls(
 
 
 def _lone(shapes: Geometries, blobs: IntArray, smallest: float, gap: float) -> IntArray:
-    """Return which blobs stay small even together with all that is near, and near that."""
+    """Return which blobs stay small even together with all that is near, and near that.
+
+    What is not small keeps only those near it that are thin, since walls may be broken into
+    pieces; what is not thin is a thing that stands at a wall.
+    """
     boxes = shapely.bounds(shapes)
     boxes[:, :2] *= -1  # then a union's box is a maximum
-    one, two = shapely.STRtree(shapes).query(shapes[blobs], predicate="dwithin", distance=gap)
-    one = blobs[one]
+    small = _extents(boxes) < smallest
+    blobs = blobs[small[blobs]]
+    near, two = shapely.STRtree(shapes).query(shapes[blobs], predicate="dwithin", distance=gap)
+    linked = small[two] | _thin(shapes[blobs])[near]
+    one, two = blobs[near[linked]], two[linked]
     while True:
-        small = (boxes[:, 2:] + boxes[:, :2]).max(axis=1) < smallest
-        one, two = one[small[one]], two[small[one]]
         grown = boxes.copy()
         np.maximum.at(grown, one, boxes[two])
-        if (grown == boxes).all():
+        small = _extents(grown) < smallest
+        if (grown == boxes)[small].all():
             return np.asarray(blobs[small[blobs]])
         boxes = grown
 
 
-def _area(line: FloatArray) -> float:
-    """Return the signed area in a closed outline, positive around a blob; 0 for an open one."""
-    if (line[0] != line[-1]).any():
-        return 0.0
-    x, y = (line - line[0]).T
-    return float(x[:-1] @ y[1:] - x[1:] @ y[:-1]) / 2
+def _extents(boxes: FloatArray) -> FloatArray:
+    return np.asarray((boxes[:, 2:] + boxes[:, :2]).max(axis=1))
+
+
+def _thin(shapes: Geometries) -> NDArray[np.bool_]:
+    """Return which shapes are more than twice as long as wide, [N]."""
+    corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(shapes))
+    sides = np.linalg.norm(np.diff(corners.reshape(-1, 5, 2)[:, :3], axis=1), axis=2)
+    return np.asarray(sides.max(axis=1) > 2 * sides.min(axis=1))

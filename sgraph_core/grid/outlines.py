@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sgraph_concepts.types import FloatArray, OccupancyGrid
 
-__all__ = ["Mask", "Told", "free_space", "outlines"]
+__all__ = ["Mask", "Told", "enclosed_area", "free_space", "outlines"]
 
 Mask = NDArray[np.bool_]
 """Which cells are free, [H, W]."""
@@ -68,11 +68,22 @@ def outlines(mask: Mask, told: Told) -> list[FloatArray]:
         rows = np.arange(low, low + len(cells)) + 0.5
         above, below = int(low == 0), int(high == height)
         cells = np.pad(cells, ((above, below), (1, 1)), "edge")
-        rows = np.concatenate([[0.0] * above, rows, [float(height)] * below])
+        rows = np.asarray(np.concatenate([[0.0] * above, rows, [height] * below]), np.float64)
         for line in _contours(columns, rows, cells):
             (closed if (line[0] == line[-1]).all() else open_).append(line)
         told(high)
     return closed + _joined(open_)
+
+
+def enclosed_area(line: FloatArray) -> float:
+    """Return the area that an outline encloses, in cells, 0 if it is open.
+
+    It is positive around a blob and negative around free space.
+    """
+    if (line[0] != line[-1]).any():
+        return 0.0
+    x, y = (line - line[0]).T
+    return float(x[:-1] @ y[1:] - x[1:] @ y[:-1]) / 2
 
 
 def _strips(shape: tuple[int, ...]) -> Iterator[tuple[int, int]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import stat
 import warnings
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,8 @@ from sgraph_core.grid.image import Progress, read_cells
 
 __all__ = ["grid_files", "read_grid"]
 
+NAMED = 3
+"""How many unknown keys are named in a warning."""
 MOST_COLOURED = 0.1
 """A map whose share of coloured pixels is larger may be a picture of something else."""
 
@@ -41,13 +44,21 @@ def read_grid(
     _check_image(path, description)
     cells, coloured = read_cells(description, progress)
     grid = OccupancyGrid(cells, description.resolution, np.array(description.origin))
-    if coloured > MOST_COLOURED:
-        text = f"{coloured:.0%} of the image is coloured; colours count as their mean brightness"
+    for text in _doubts(description, coloured, grid):
         warnings.warn(f"{path}: {text}", MapWarning, 2)
+    return grid
+
+
+def _doubts(description: GridDescription, coloured: float, grid: OccupancyGrid) -> Iterator[str]:
+    if description.unknown:
+        names = ", ".join(description.unknown[:NAMED])
+        more = ", ..." if len(description.unknown) > NAMED else ""
+        yield f"{names}{more}: no key of map_server, not read"
+    if coloured > MOST_COLOURED:
+        yield f"{coloured:.0%} of the image is coloured; colours count as their mean brightness"
     doubtful = doubt(grid)
     if doubtful is not None:
-        warnings.warn(f"{path}: {doubtful}", MapWarning, 2)
-    return grid
+        yield doubtful
 
 
 def grid_files(path: str | Path) -> tuple[Path, Path]:

@@ -16,7 +16,7 @@ class SurfaceSettings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     narrowest_free_m: float = Field(
-        0.15,
+        0.1,
         gt=0,
         description="Free space into which no square of this side fits is the trace of a ray, not "
         "space. The square has two cells at least.",
