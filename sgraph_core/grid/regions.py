@@ -17,8 +17,8 @@ NOBODY = -1
 INSIDE = 0.5
 """A room claims the free cells around which its surfaces wind more often than this."""
 REACH_M = 1.0
-"""What no room claims, such as door thresholds and niches, goes to the nearest room within this
-distance, counted along the grid's axes through free space."""
+"""What no room claims, such as door thresholds and niches, goes to the nearest room if all of it lies
+within this distance, counted along the grid's axes through free space."""
 LARGEST_FILLED_M2 = 6.0
 """A hole in a room is filled, as furniture, up to this area and if no other room lies in it."""
 TILE = 4
@@ -38,7 +38,8 @@ def label_cells(rooms: Sequence[SurfaceArrays], grid: OccupancyGrid) -> Labels:
     1. A free cell is claimed by the room whose surfaces wind around it most, if they do so more
        than half.
     2. Each room keeps the largest connected part of what it claims.
-    3. Free cells that are left over go to the nearest room within ``REACH_M``.
+    3. Free cells that are left over go to the nearest room, each connected patch of them as a
+       whole: only if all of it lies within ``REACH_M`` of rooms.
     4. Holes in rooms are filled: up to ``LARGEST_FILLED_M2``, and if no other room lies in them.
 
     Args:
@@ -144,9 +145,13 @@ def _keep_largest_part(labels: Labels, number: int) -> None:
 
 
 def _spread(labels: Labels, free: Mask, steps: int) -> None:
-    """Let labels grow into free cells of nobody, a cell a step; of equals the lower one wins."""
-    from scipy.ndimage import binary_dilation
+    """Give patches of free cells of nobody to the nearest labels, if so many steps reach all of them.
 
+    Labels grow a cell a step; of equals the lower one wins.
+    """
+    from scipy.ndimage import binary_dilation, label
+
+    patches, count = label(free & (labels == NOBODY))
     edge = np.flatnonzero((labels != NOBODY) & binary_dilation(free & (labels == NOBODY)))
     flat, waiting = labels.reshape(-1), free.reshape(-1)
     height, width = labels.shape
@@ -164,8 +169,9 @@ def _spread(labels: Labels, free: Mask, steps: int) -> None:
         order = np.lexsort((taker, cells))
         edge, first = np.unique(cells[order], return_index=True)
         flat[edge] = taker[order][first]
-        if not len(edge):
-            return
+    beyond_reach = np.zeros(count + 1, bool)
+    beyond_reach[patches[free & (labels == NOBODY)]] = True
+    labels[beyond_reach[patches]] = NOBODY
 
 
 def _fill_holes(labels: Labels, number: int, most_cells: float) -> None:
