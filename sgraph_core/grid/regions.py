@@ -17,8 +17,8 @@ NOBODY = -1
 INSIDE = 0.5
 """A room claims the free cells around which its surfaces wind more often than this."""
 REACH_M = 1.0
-"""What no room claims, such as door thresholds and niches, goes to the nearest room if all of it lies
-within this distance, counted along the grid's axes through free space."""
+"""What no room claims, such as door thresholds and niches, goes to the nearest room if all of it
+lies within this distance, counted along the grid's axes through free space."""
 LARGEST_FILLED_M2 = 6.0
 """A hole in a room is filled, as furniture, up to this area and if no other room lies in it."""
 TILE = 4
@@ -145,7 +145,7 @@ def _keep_largest_part(labels: Labels, number: int) -> None:
 
 
 def _spread(labels: Labels, free: Mask, steps: int) -> None:
-    """Give patches of free cells of nobody to the nearest labels, if so many steps reach all of them.
+    """Give patches of free cells of nobody to the nearest labels, if so many steps reach all.
 
     Labels grow a cell a step; of equals the lower one wins.
     """
