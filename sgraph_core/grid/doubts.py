@@ -15,18 +15,20 @@ BLOCK_M = 0.6
 Mask = NDArray[np.bool_]
 
 
-def doubt(grid: OccupancyGrid) -> str | None:
-    """Say what is wrong with a grid in which no room can be, or None."""
+def doubt(grid: OccupancyGrid, remedy: str) -> str | None:
+    """Say what is wrong with a grid in which no room can be, or None.
+
+    Args:
+        grid: the grid.
+        remedy: what would exchange free and occupied.
+    """
     free, occupied = OccupancyGrid.FREE, OccupancyGrid.OCCUPIED
     if not (grid.cells == free).any():
-        return "no cell is free, so there are no rooms (negate in the YAML turns free and occupied)"
+        return f"no cell is free, so there are no rooms ({remedy} if the map is inverted)"
     if not (grid.cells != free).any():
         return "all cells are free, so there are no rooms"
     if _looks_inverted(_full_blocks(grid, free), _full_blocks(grid, occupied)):
-        return (
-            "most of what is enclosed is occupied: the map looks inverted (negate in the YAML "
-            "turns free and occupied)"
-        )
+        return f"most of what is enclosed is occupied: the map looks inverted ({remedy})"
     return None
 
 
