@@ -4,41 +4,164 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import shapely
 
 from sgraph_concepts.types import OccupancyGrid, SurfaceArrays
+from sgraph_core.evaluation.grid_surfaces import score_surfaces
 from sgraph_core.grid.extraction import extract, extract_surfaces
 
 FREE, OCCUPIED, UNKNOWN = OccupancyGrid.FREE, OccupancyGrid.OCCUPIED, OccupancyGrid.UNKNOWN
+RESOLUTIONS = [0.02, 0.05, 0.1]
 
 
-def painted(resolution: float, size_m: tuple[float, float], *boxes: tuple[float, ...]):
-    """Unknown cells, and boxes x0, y0, x1, y1 (metres), value painted on them in turn."""
+def painted(resolution: float, size_m: tuple[float, float], *shapes) -> OccupancyGrid:
+    """Unknown cells, and pairs of a shapely geometry or a box and a value painted on them in turn.
+
+    A cell is painted if its centre lies inside.
+    """
     width, height = (round(side / resolution) for side in size_m)
+    x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
     cells = np.full((height, width), UNKNOWN, np.uint8)
-    for *box, value in boxes:
-        x0, y0, x1, y1 = (round(side / resolution) for side in box)
-        cells[y0:y1, x0:x1] = value
+    for shape, value in shapes:
+        area = shapely.box(*shape) if isinstance(shape, tuple) else shape
+        cells[shapely.contains_xy(area, x * resolution, y * resolution)] = value
     return OccupancyGrid(cells, resolution, np.zeros(3))
 
 
-def facing(surfaces: SurfaceArrays, x: float, y: float) -> np.ndarray:
-    """The segments whose normal is (x, y), within a degree."""
-    return surfaces.segments[surfaces.normals @ [x, y] > np.cos(np.radians(1))]
+def sides(area: shapely.Polygon) -> SurfaceArrays:
+    """The true surfaces of a free polygon: its sides, normals inwards."""
+    ring = shapely.get_coordinates(shapely.orient_polygons(area, exterior_cw=True).exterior)
+    segments = np.stack([ring[:-1], ring[1:]], axis=1)
+    along = segments[:, 1] - segments[:, 0]
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    normals = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    return SurfaceArrays(np.arange(len(segments)), segments, normals)
 
 
-@pytest.mark.parametrize("resolution", [0.02, 0.05, 0.1])
+def around(obstacle: shapely.Polygon) -> SurfaceArrays:
+    """The true surfaces of something that stands in free space."""
+    inwards = sides(obstacle)
+    return SurfaceArrays(inwards.ids, inwards.segments[:, ::-1], -inwards.normals)
+
+
+def together(*several: SurfaceArrays) -> SurfaceArrays:
+    segments = np.concatenate([surfaces.segments for surfaces in several])
+    normals = np.concatenate([surfaces.normals for surfaces in several])
+    return SurfaceArrays(np.arange(len(segments)), segments, normals)
+
+
+def assert_same(found: SurfaceArrays, true: SurfaceArrays, within_m: float) -> None:
+    """As many surfaces, each with its ends and normal."""
+    assert len(found) == len(true)
+    for segment, normal in zip(true.segments, true.normals, strict=True):
+        apart = np.abs(found.segments - segment).max(axis=(1, 2))
+        best = int(np.argmin(apart))
+        assert apart[best] <= within_m, (segment, found.segments[best])
+        assert found.normals[best] @ normal > np.cos(np.radians(2.5))
+
+
+@pytest.mark.parametrize("resolution", RESOLUTIONS)
 def test_a_room_has_a_surface_on_each_side_that_faces_it(resolution):
-    grid = painted(resolution, (6, 5), (0.9, 0.9, 5.1, 4.1, OCCUPIED), (1, 1, 5, 4, FREE))
-    surfaces = extract_surfaces(grid)
-    assert len(surfaces) == 4
-    for normal, ends in {
-        (0, 1): [[5, 1], [1, 1]],
-        (0, -1): [[1, 4], [5, 4]],
-        (1, 0): [[1, 1], [1, 4]],
-        (-1, 0): [[5, 4], [5, 1]],
-    }.items():
-        (segment,) = facing(surfaces, *normal)
-        np.testing.assert_allclose(segment, ends, atol=1e-6)
+    room = shapely.box(1, 1, 5, 4)
+    grid = painted(resolution, (6, 5), ((0.9, 0.9, 5.1, 4.1), OCCUPIED), (room, FREE))
+    assert_same(extract_surfaces(grid), sides(room), 1e-6)
+
+
+@pytest.mark.parametrize("resolution", RESOLUTIONS)
+@pytest.mark.parametrize("degrees", [0, 3, 10, 27, 45, 60, 88])
+def test_a_turned_room_is_found_within_a_fraction_of_a_cell(resolution, degrees):
+    room = shapely.affinity.rotate(shapely.box(2, 2, 6, 5), degrees)
+    grid = painted(resolution, (8, 7), (room.buffer(0.15), OCCUPIED), (room, FREE))
+    found = extract_surfaces(grid)
+    assert_same(found, sides(room), resolution)
+    for segment, normal in zip(sides(room).segments, sides(room).normals, strict=True):
+        same = found.segments[found.normals @ normal > 0.9]
+        offsets = (same.mean(axis=1) - segment[0]) @ normal
+        assert np.abs(offsets).max() < 0.35 * resolution
+
+
+def test_a_corner_may_be_re_entrant():
+    room = shapely.Polygon([(1, 1), (6, 1), (6, 3), (3, 3), (3, 5), (1, 5)])
+    grid = painted(0.05, (7, 6), (room.buffer(0.1), OCCUPIED), (room, FREE))
+    assert_same(extract_surfaces(grid), sides(room), 1e-6)
+
+
+@pytest.mark.parametrize("degrees", [0, 20, 45, 70])
+def test_a_wall_of_one_cell_has_two_sides(degrees):
+    wall = shapely.affinity.rotate(shapely.box(2, 3, 6, 3.05), degrees, origin=(4, 3))
+    room = shapely.box(0.5, 0.5, 7.5, 6)
+    # every cell that the wall touches: on a slant these hang together by their corners
+    grid = painted(0.05, (8, 6.5), (room, FREE), (wall.buffer(0.012), OCCUPIED))
+    inner = extract_surfaces(grid)
+    along = sides(room)
+    of_wall = inner.take(np.abs(inner.segments - [4, 3.025]).max(axis=(1, 2)) < 2.2)
+    score = score_surfaces(of_wall, around(wall))
+    assert len(inner) == len(along) + 2
+    assert score.recall > 0.97
+    assert score.precision == pytest.approx(1)
+
+
+@pytest.mark.parametrize("resolution", RESOLUTIONS)
+def test_walls_of_neighbouring_rooms_do_not_fuse(resolution):
+    one, two = shapely.box(1, 1, 4, 4), shapely.box(4.1, 1, 8, 4)
+    both = one | two
+    grid = painted(resolution, (9, 5), (both.envelope.buffer(0.1), OCCUPIED), (both, FREE))
+    assert_same(extract_surfaces(grid), together(sides(one), sides(two)), 1e-6)
+
+
+@pytest.mark.parametrize("resolution", RESOLUTIONS)
+def test_there_is_no_surface_across_a_doorway(resolution):
+    one, two = shapely.box(1, 1, 4, 4), shapely.box(4.2, 1, 8, 4)
+    door = shapely.box(3.9, 2, 4.3, 2.9)
+    free = shapely.union_all([one, two, door])
+    grid = painted(resolution, (9, 5), (free.envelope.buffer(0.2), OCCUPIED), (free, FREE))
+    assert_same(extract_surfaces(grid), sides(free), 0.5 * resolution)
+
+
+@pytest.mark.parametrize("resolution", RESOLUTIONS)
+def test_a_wall_broken_into_short_pieces_is_one_surface_on_each_side(resolution):
+    room = shapely.box(0.5, 0.5, 7.5, 5.5)
+    pieces = [(x, 3, x + 0.4, 3.1) for x in np.arange(1, 6.5, 0.5)]
+    grid = painted(resolution, (8, 6), (room, FREE), *((piece, OCCUPIED) for piece in pieces))
+    wall = shapely.box(1, 3, 6.4, 3.1)
+    found = extract_surfaces(grid)
+    long = found.take(found.lengths > 1)
+    true = together(sides(room), around(wall))
+    assert_same(long, true.take(true.lengths > 1), 0.1)
+
+
+@pytest.mark.parametrize("resolution", RESOLUTIONS)
+def test_a_column_has_four_surfaces_and_legs_of_a_chair_none(resolution):
+    room, column = shapely.box(0.5, 0.5, 7.5, 5.5), shapely.box(3, 3, 3.8, 3.8)
+    legs = [(x, y, x + 0.1, y + 0.1) for x in (5.1, 5.5) for y in (2.1, 2.5)]
+    grid = painted(
+        resolution, (8, 6), (room, FREE), (column, OCCUPIED), *((leg, OCCUPIED) for leg in legs)
+    )
+    assert_same(extract_surfaces(grid), together(sides(room), around(column)), 1e-6)
+
+
+def test_a_wall_needs_no_occupied_cells():
+    room = shapely.box(1, 1, 5, 4)
+    assert_same(extract_surfaces(painted(0.05, (6, 5), (room, FREE))), sides(room), 1e-6)
+
+
+@pytest.mark.parametrize("thickness", [0.05, 0.1, 0.3])
+def test_the_sides_of_a_wall_are_as_far_apart_as_it_is_thick(thickness):
+    rooms = [shapely.box(1, 1, 4, 4), shapely.box(4 + thickness, 1, 8, 4)]
+    found = extract_surfaces(painted(0.05, (9, 5), *((room, FREE) for room in rooms)))
+    left = found.take((found.normals[:, 0] < -0.99) & (found.midpoints[:, 0] < 6))
+    right = found.take((found.normals[:, 0] > 0.99) & (found.midpoints[:, 0] > 3))
+    assert right.midpoints[0, 0] - left.midpoints[0, 0] == pytest.approx(thickness)
+
+
+@pytest.mark.parametrize("resolution", RESOLUTIONS)
+def test_rays_through_a_window_leave_the_wall_whole(resolution):
+    room = shapely.box(1, 1, 5, 4)
+    origin, ends = (3, 2.5), [(9, y) for y in (0.5, 1.5, 3.5, 4.5)]
+    rays = [(shapely.LineString([origin, end]).buffer(0.5 * resolution), FREE) for end in ends]
+    walls = (room.buffer(0.1, join_style="mitre"), OCCUPIED)
+    found = extract_surfaces(painted(resolution, (10, 5), walls, *rays, (room, FREE)))
+    assert_same(found, sides(room), resolution)
 
 
 @pytest.mark.parametrize("value", [FREE, OCCUPIED, UNKNOWN])
@@ -49,3 +172,4 @@ def test_a_grid_of_one_kind_of_cells_has_no_surfaces(value, shape):
     graph = extract(grid, "empty")
     assert len(graph.wall_surfaces.ids) == 0
     assert graph.grid is grid
+    assert graph.name == "empty"
