@@ -18,6 +18,7 @@ Mask = NDArray[np.bool_]
 Told = Callable[[int], object]
 """Told after every strip up to which row the work is done."""
 
+FEWEST_ROWS = 64
 STRIP_CELLS = 2**20
 """How many cells are worked on at a time; contouring needs some 30 bytes for each of them."""
 
@@ -88,7 +89,7 @@ def enclosed_area(line: FloatArray) -> float:
 
 def _strips(shape: tuple[int, ...]) -> Iterator[tuple[int, int]]:
     height, width = shape
-    step = max(64, STRIP_CELLS // width)
+    step = max(FEWEST_ROWS, STRIP_CELLS // width)
     for low in range(0, height, step):
         yield low, min(low + step, height)
 

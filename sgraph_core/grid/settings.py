@@ -25,12 +25,12 @@ class SurfaceSettings(BaseModel):
         0.5, ge=0, description="Free space that is enclosed and smaller bounds no room."
     )
     smallest_blob_m: float = Field(
-        0.5,
+        0.6,
         ge=0,
         description="Lone things of a smaller extent are no walls: legs of tables, noise.",
     )
     lone_gap_m: float = Field(
-        0.12,
+        0.1,
         ge=0,
         description="Things this close to one another count as one thing, since walls "
         "may be broken into short pieces.",
