@@ -66,10 +66,10 @@ def outlines(mask: Mask, told: Told) -> list[FloatArray]:
     for low, high in _strips(mask.shape):
         # strips share a row, on which the lines of one end and those of the next begin
         cells = mask[low : high + 1]
-        rows = np.arange(low, low + len(cells)) + 0.5
+        centres = np.arange(low, low + len(cells)) + 0.5
         above, below = int(low == 0), int(high == height)
         cells = np.pad(cells, ((above, below), (1, 1)), "edge")
-        rows = np.asarray(np.concatenate([[0.0] * above, rows, [height] * below]), np.float64)
+        rows = np.array([*[0] * above, *centres, *[height] * below], np.float64)
         for line in _contours(columns, rows, cells):
             (closed if (line[0] == line[-1]).all() else open_).append(line)
         told(high)
