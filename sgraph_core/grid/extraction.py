@@ -70,7 +70,7 @@ def extract_surfaces(
         pieces, free, tolerance, settings.widest_gap_m / cell, settings.front_m / cell
     )
     surfaces = in_world(grid, segments)
-    return surfaces.take(surfaces.lengths >= settings.shortest_surface_m)
+    return surfaces.take(surfaces.lengths >= max(settings.shortest_surface_m, 2 * cell))
 
 
 def in_world(grid: OccupancyGrid, segments: FloatArray) -> SurfaceArrays:
