@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
+import pty
+import subprocess
+import sys
 from pathlib import Path
 from subprocess import CompletedProcess
 from typing import Any
@@ -127,6 +132,26 @@ def test_bad_maps_get_one_line_and_leave_nothing(
     out = tmp_path / "out.json"
     assert_one_line(sgraph("infer", rooms_map, "-o", out, "--plot", tmp_path / "a.svg"), part)
     assert {file.suffix for file in tmp_path.iterdir()} <= {".yaml", ".png"}
+
+
+def on_a_terminal(*arguments: object) -> bytes:
+    """Return what the command writes to stderr when that is a terminal."""
+    command = [Path(sys.executable).parent / "sgraph", *map(str, arguments)]
+    ours, theirs = pty.openpty()
+    written = b""
+    with subprocess.Popen(command, stderr=theirs), os.fdopen(ours, "rb", 0) as terminal:
+        os.close(theirs)
+        with contextlib.suppress(OSError):  # which is how Linux says that nobody writes any more
+            while block := terminal.read(4096):
+                written += block
+    return written
+
+
+def test_a_bar_shows_progress_on_a_terminal(
+    rooms_map: Path, demo_map: Path, tmp_path: Path
+) -> None:
+    assert b"reading the map" in on_a_terminal("infer", rooms_map, "-o", tmp_path / "out.json")
+    assert on_a_terminal("infer", demo_map, "-o", tmp_path / "out.json") == b""
 
 
 def test_a_map_is_the_same_in_python(rooms_map: Path) -> None:
