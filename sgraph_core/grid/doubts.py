@@ -11,6 +11,8 @@ __all__ = ["doubt"]
 
 BLOCK_M = 0.6
 """No wall of a robot's map fills a square of this side, and every room holds one."""
+MOST = 4
+"""So many times as much is most."""
 
 Mask = NDArray[np.bool_]
 
@@ -48,12 +50,13 @@ def _looks_inverted(free: Mask, occupied: Mask) -> bool:
     """Tell whether space is thick where it is occupied and thin where it is free.
 
     Either nowhere is enough space free for a robot, or the regions that do not reach the border
-    are mostly occupied, while outside is free.
+    are mostly occupied: rooms, where outside is free. Solid blocks in a hall or inside a ring of
+    corridors are less.
     """
     if not free.any():
         return bool(occupied.any())
     inside = int(_enclosed(occupied).sum())
-    return inside > int(_enclosed(free).sum()) and inside > int(free.sum()) // 4
+    return inside > MOST * int(_enclosed(free).sum()) and MOST * inside > int(free.sum())
 
 
 def _enclosed(mask: Mask) -> Mask:

@@ -302,6 +302,16 @@ def test_what_looks_wrong_is_read_with_a_warning(
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("outside", [UNKNOWN, FREE, OCCUPIED])
+def test_corridors_around_a_solid_block_give_no_warning(tmp_path: Path, outside: int) -> None:
+    pixels = np.full((300, 400), outside, np.uint8)
+    pixels[8:292, 8:392] = OCCUPIED
+    pixels[10:290, 10:390] = FREE
+    pixels[50:250, 50:350] = OCCUPIED
+    read_grid(write_map(tmp_path, pixels))
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("outside", [UNKNOWN, FREE, OCCUPIED])
 @pytest.mark.parametrize("walls", [OCCUPIED, UNKNOWN])
 def test_a_good_map_gives_no_warning(tmp_path: Path, outside: int, walls: int) -> None:
     read_grid(write_map(tmp_path, two_rooms(walls, outside)))
