@@ -44,7 +44,7 @@ def test_the_longer_surface_says_where_the_line_runs():
 def test_support_moves_with_the_map():
     rng = np.random.default_rng(3)
     starts = rng.integers(0, 12, (60, 2)).astype(float)
-    some = surfaces(*np.hstack([starts, starts + [2, 0]]).tolist())
+    some = surfaces(*np.hstack([starts, starts + np.array([2, 0])]).tolist())
     assert collinear_support(some).max() > 4
     turn = np.array([[0.8, 0.6], [-0.6, 0.8]])
     moved = SurfaceArrays(some.ids, some.segments @ turn + [1e3, -50], some.normals @ turn)

@@ -125,11 +125,12 @@ def test_there_is_no_surface_across_a_doorway(resolution):
 
 
 @pytest.mark.parametrize("resolution", RESOLUTIONS)
-def test_a_wall_broken_into_short_pieces_is_one_surface_on_each_side(resolution):
+@pytest.mark.parametrize("length", [0.4, 0.3])
+def test_a_wall_broken_into_short_pieces_is_one_surface_on_each_side(length, resolution):
     room = shapely.box(0.5, 0.5, 7.5, 5.5)
-    pieces = [(x, 3, x + 0.4, 3.1) for x in np.arange(1, 6.5, 0.5)]
+    pieces = [(x, 3, x + length, 3.1) for x in np.arange(1, 6.5, 0.5)]
     grid = painted(resolution, (8, 6), (room, FREE), *((piece, OCCUPIED) for piece in pieces))
-    wall = shapely.box(1, 3, 6.4, 3.1)
+    wall = shapely.box(1, 3, 6 + length, 3.1)
     found = extract_surfaces(grid)
     long = found.take(found.lengths > 1)
     true = together(sides(room), around(wall))
