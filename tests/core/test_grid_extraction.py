@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import json
 import tracemalloc
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
+from PIL import Image
 
 from sgraph_concepts.types import OccupancyGrid, SurfaceArrays
-from sgraph_core.evaluation.grid_surfaces import score_surfaces
+from sgraph_core.evaluation.grid_surfaces import score_surfaces, true_surfaces
 from sgraph_core.grid.extraction import extract, extract_surfaces
+from sgraph_core.grid.reader import read_grid
+from sgraph_core.grid.settings import SurfaceSettings
 
 FREE, OCCUPIED, UNKNOWN = OccupancyGrid.FREE, OccupancyGrid.OCCUPIED, OccupancyGrid.UNKNOWN
+DOCS = Path(__file__).parent.parent.parent / "docs"
 RESOLUTIONS = [0.02, 0.05, 0.1]
 
 
@@ -269,3 +275,41 @@ def test_memory_beside_the_grid_is_bounded_by_its_cells():
         tracemalloc.stop()
     assert len(surfaces) == 4 * len(rooms)
     assert peak < grid.cells.size + 30e6
+
+
+def listed(name: str) -> list[str]:
+    lines = (DOCS / "splits" / f"{name}.txt").read_text(encoding="utf-8").splitlines()
+    return [line for line in lines if line and not line.startswith("#")]
+
+
+def kind_of(name: str) -> str:
+    if name.startswith("robot-"):
+        return "robot"
+    return "furnished" if name.endswith("-furnished") else "plain"
+
+
+@pytest.mark.parametrize(
+    ("split", "kind", "recall", "precision"),
+    [
+        ("grids-selection", "plain", 0.98, 0.99),
+        ("grids-selection", "furnished", 0.92, 0.88),
+        ("grids-selection", "robot", 0.78, 0.8),
+        ("grids-report", "plain", 0.96, 0.97),
+        ("grids-report", "furnished", 0.85, 0.8),
+    ],
+)
+def test_surfaces_of_labelled_grids(real_buildings, split, kind, recall, precision):
+    scores = []
+    for name in (name for name in listed(split) if kind_of(name) == kind):
+        folder = real_buildings / "grids" / name
+        grid = read_grid(folder / "map.yaml")
+        labels = np.array(Image.open(folder / "rooms.png"))[::-1]
+        scores.append(score_surfaces(extract_surfaces(grid), true_surfaces(grid, labels)))
+    assert np.mean([score.recall for score in scores]) > recall
+    assert np.mean([score.precision for score in scores]) > precision
+
+
+def test_every_setting_is_documented_with_its_default():
+    text = (DOCS / "grids.md").read_text(encoding="utf-8")
+    for name, field in SurfaceSettings.model_fields.items():
+        assert f"| `{name}` | {json.dumps(field.default)} | {field.description} |" in text
