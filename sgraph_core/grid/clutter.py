@@ -18,6 +18,7 @@ THIN = 1.5
 IN_LINE = 4.0
 """...and two of them together more than this many times."""
 PART_POINTS = 64
+"""Outlines are cut into parts of so many points, lest all of a large one is asked what is near."""
 
 
 def without_clutter(
@@ -87,10 +88,7 @@ def _links(
 
 
 def _parts(lines: list[FloatArray]) -> tuple[Geometries, IntArray]:
-    """Return outlines cut into short parts, lest all of a large one is asked what is near it.
-
-    Also the outline that each part is of.
-    """
+    """Return short parts of outlines and the outline that each part is of, [P] each."""
     parts, owner = [], []
     for n, line in enumerate(lines):
         starts = range(0, len(line) - 1, PART_POINTS)

@@ -47,28 +47,33 @@ def extract_surfaces(
     settings: SurfaceSettings | None = None,
     progress: Progress = lambda _what, _done, _total: None,
 ) -> SurfaceArrays:
-    """Return the wall surfaces of a grid in the world, M rows, normals towards free space.
+    """Return the wall surfaces of a grid, [M], numbered from 0, in the world's frame.
 
-    Memory beside the grid: one byte per cell, some 50 MB for the strip that is worked on, and
-    what grows with the length of the outlines. Time is linear in cells and outlines.
+    Normals point to the free side; docs/grids.md has the steps. Memory beside the grid: one byte
+    per cell, some 30 MB for the strip that is worked on, and what grows with the length of the
+    outlines. Time is linear in cells and outlines.
 
-    Args and steps: see :func:`extract` and docs/grids.md.
+    Args:
+        grid: the occupancy grid.
+        settings: what counts as a wall surface.
+        progress: told after every strip of the grid.
     """
     settings = settings or SurfaceSettings()
     cell = grid.resolution
     total = 2 * len(grid.cells)
-    free = free_space(grid, settings.narrowest_free_m, lambda n: progress("surfaces", n, total))
-    lines = outlines(free, lambda n: progress("surfaces", total // 2 + n, total))
+    what = "finding wall surfaces"
+    free = free_space(grid, settings.narrowest_free_m, lambda row: progress(what, row, total))
+    lines = outlines(free, lambda row: progress(what, total // 2 + row, total))
     lines = without_clutter(lines, settings, cell)
     if not lines:
-        return SurfaceArrays(np.empty(0, np.int64), np.empty((0, 2, 2)), np.empty((0, 2)))
+        return in_world(grid, np.empty((0, 2, 2)))
     tolerance = max(settings.outline_tolerance_m / cell, 1.0)
     pieces = straight_pieces(lines, tolerance)
     segments = merged(
         pieces, free, tolerance, settings.widest_gap_m / cell, settings.front_m / cell
     )
-    surfaces = in_world(grid, segments)
-    return surfaces.take(surfaces.lengths >= max(settings.shortest_surface_m, 2 * cell))
+    lengths = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
+    return in_world(grid, segments[lengths >= max(settings.shortest_surface_m / cell, 2.0)])
 
 
 def in_world(grid: OccupancyGrid, segments: FloatArray) -> SurfaceArrays:

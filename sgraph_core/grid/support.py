@@ -30,10 +30,9 @@ def collinear_support(surfaces: SurfaceArrays) -> FloatArray:
     long, short = shapely.STRtree(points_of(surfaces.midpoints)).query(
         lines, predicate="dwithin", distance=OFFSET_M
     )
-    shorter = (lengths[long] > lengths[short]) | (
-        (lengths[long] == lengths[short]) & (long < short)
-    )
-    long, short = long[shorter], short[shorter]
+    rank = np.argsort(np.argsort(lengths, kind="stable"))
+    longer = rank[long] > rank[short]
+    long, short = long[longer], short[longer]
     _, across = in_frames(surfaces, long, surfaces.segments[short])
     same_line = np.abs(across).max(axis=1) <= OFFSET_M
     same_line &= dot(surfaces.normals[long], surfaces.normals[short]) > TURN_COSINE

@@ -10,6 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from PIL import Image
 
 from sgraph_concepts.types import OccupancyGrid, SurfaceArrays
@@ -178,7 +181,7 @@ def test_rays_through_a_window_leave_the_wall_whole(resolution):
 
 
 @pytest.mark.parametrize("value", [FREE, OCCUPIED, UNKNOWN])
-@pytest.mark.parametrize("shape", [(1, 1), (1, 40), (40, 1), (50, 60)])
+@pytest.mark.parametrize("shape", [(0, 0), (0, 5), (5, 0), (1, 1), (1, 40), (40, 1), (50, 60)])
 @pytest.mark.filterwarnings("error")
 def test_a_grid_of_one_kind_of_cells_has_no_surfaces(value, shape):
     grid = OccupancyGrid(np.full(shape, value, np.uint8), 0.05, np.zeros(3))
@@ -186,6 +189,19 @@ def test_a_grid_of_one_kind_of_cells_has_no_surfaces(value, shape):
     assert len(graph.wall_surfaces.ids) == 0
     assert graph.grid is grid
     assert graph.name == "empty"
+
+
+@given(
+    arrays(np.uint8, st.tuples(st.integers(1, 40), st.integers(1, 40)), elements=st.integers(0, 2)),
+    st.sampled_from([0.02, 0.1, 0.5, 3.0]),
+)
+@pytest.mark.filterwarnings("error")
+def test_any_grid_gives_surfaces_that_an_s_graph_accepts(cells, resolution):
+    grid = OccupancyGrid(cells, resolution, np.array([3e6, -2e6, 1.0]))
+    table = extract(grid).wall_surfaces
+    inside = grid.to_cells(table.segments)
+    assert (inside > -5).all()
+    assert (inside < np.array(cells.shape)[::-1] + 5).all()
 
 
 def clutter(seed: int, resolution: float = 0.05) -> OccupancyGrid:
@@ -208,6 +224,7 @@ def in_order(segments: np.ndarray) -> np.ndarray:
 def test_surfaces_move_and_turn_with_the_origin(seed):
     grid = clutter(seed)
     still = extract_surfaces(grid)
+    assert still.ids.tolist() == list(range(len(still)))
     moved = extract_surfaces(replace(grid, origin=np.array([100.0, -20.0, 0.7])))
     turn = np.array([[np.cos(0.7), np.sin(0.7)], [-np.sin(0.7), np.cos(0.7)]])
     np.testing.assert_allclose(moved.segments, still.segments @ turn + [100, -20], atol=1e-9)
