@@ -107,7 +107,7 @@ def _parse(text: str, path: str | Path) -> dict[str, Tree]:
         node = yaml.compose(text, Loader=yaml.BaseLoader)
     except yaml.YAMLError as error:
         raise _yaml_error(error, path) from error
-    document = {} if node is None else _tree(node, path)
+    document = None if node is None else _tree(node, path)
     if not isinstance(document, dict):
         raise MapFileError(path, "", None, "must hold keys and values, such as resolution: 0.05")
     return document

@@ -20,6 +20,8 @@ Told = Callable[[int], object]
 
 STRIP_CELLS = 2**20
 """How many cells are worked on at a time; contouring needs some 30 bytes for each of them."""
+FEWEST_ROWS = 16
+"""Strips of very wide grids are larger, lest most of a strip is what it shares with others."""
 
 
 def free_space(grid: OccupancyGrid, narrowest_m: float, told: Told) -> Mask:
@@ -65,10 +67,10 @@ def outlines(mask: Mask, told: Told) -> list[FloatArray]:
     for low, high in _strips(mask.shape):
         # strips share a row, on which the lines of one end and those of the next begin
         cells = mask[low : high + 1]
-        rows = np.arange(low, low + len(cells)) + 0.5
+        centres = np.arange(low, low + len(cells)) + 0.5
         above, below = int(low == 0), int(high == height)
         cells = np.pad(cells, ((above, below), (1, 1)), "edge")
-        rows = np.asarray(np.concatenate([[0.0] * above, rows, [height] * below]), np.float64)
+        rows = np.array([*[0] * above, *centres, *[height] * below], np.float64)
         for line in _contours(columns, rows, cells):
             (closed if (line[0] == line[-1]).all() else open_).append(line)
         told(high)
@@ -88,7 +90,9 @@ def enclosed_area(line: FloatArray) -> float:
 
 def _strips(shape: tuple[int, ...]) -> Iterator[tuple[int, int]]:
     height, width = shape
-    step = max(64, STRIP_CELLS // width)
+    if width == 0:
+        return
+    step = max(FEWEST_ROWS, STRIP_CELLS // width)
     for low in range(0, height, step):
         yield low, min(low + step, height)
 

@@ -10,6 +10,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL.Image import Image
 from PIL.PngImagePlugin import PngImageFile
 
 from sgraph_concepts.errors import MapFileError
@@ -24,8 +25,18 @@ MOST_PIXELS_PER_BYTE = 8 * 1032
 """What the best deflate stream holds of the smallest pixels."""
 BLOCK_BYTES = 2**16
 """How much is inflated at a time when the data are counted."""
-DAMAGED = (OSError, SyntaxError, ValueError, EOFError, IndexError, KeyError, TypeError)
-"""What pillow raises for damaged files, beside the next two."""
+DAMAGED = (
+    OSError,
+    SyntaxError,
+    ValueError,
+    EOFError,
+    IndexError,
+    KeyError,
+    TypeError,
+    struct.error,
+    zlib.error,
+)
+"""What pillow and zlib raise for damaged files."""
 
 
 def open_png(file: BinaryIO, path: Path) -> Picture:
@@ -46,11 +57,15 @@ def open_png(file: BinaryIO, path: Path) -> Picture:
             raise MapFileError(path, "", None, "is cut off: pixels are missing")
         file.seek(0)
         image = PngImageFile(file)  # not Image.open, whose limit of pixels is lower and global
+        if image.size != (width, height):  # a second header, of a size that was not checked
+            raise MapFileError(path, "", None, "is damaged: it has two headers")
         image.load()
-    except (*DAMAGED, struct.error, zlib.error) as error:
+    except DAMAGED as error:
         raise MapFileError(path, "", None, f"is damaged: {error}") from error
+    if image.mode == "P" and image.palette is None:
+        raise MapFileError(path, "", None, "is damaged: its palette is missing")
     white = 65535 if image.mode == "I;16" else 255
-    return Picture(width, height, white, _strips(image))
+    return Picture(width, height, white, _strips(image, path))
 
 
 def _holds(file: BinaryIO, needed: int) -> bool:
@@ -91,19 +106,26 @@ def _needed(
     )
 
 
-def _strips(image: PngImageFile) -> Iterator[NDArray[np.integer[Any]]]:
+def _strips(image: PngImageFile, path: Path) -> Iterator[NDArray[np.integer[Any]]]:
     width, height = image.size
     rows = rows_of_strip(width)
     for low in range(0, height, rows):
         strip = image.crop((0, low, width, min(low + rows, height)))
-        if image.mode == "I;16":
-            yield _with_key(np.asarray(strip), image.info.get("transparency"))
-        elif image.has_transparency_data:
-            yield np.asarray(strip.convert("RGBA"))
-        elif image.mode in ("1", "L"):
-            yield np.asarray(strip.convert("L"))[..., None]
-        else:
-            yield np.asarray(strip.convert("RGB"))
+        try:
+            yield _channels(strip)
+        except DAMAGED as error:
+            raise MapFileError(path, "", None, f"is damaged: {error}") from error
+
+
+def _channels(image: Image) -> NDArray[np.integer[Any]]:
+    """Return an image's pixels as grey, [R, W, 1], as colour or as colour and alpha."""
+    if image.mode == "I;16":
+        return _with_key(np.asarray(image), image.info.get("transparency"))
+    if image.has_transparency_data:
+        return np.asarray(image.convert("RGBA"))
+    if image.mode in ("1", "L"):
+        return np.asarray(image.convert("L"))[..., None]
+    return np.asarray(image.convert("RGB"))
 
 
 def _with_key(grey: NDArray[np.uint16], key: int | None) -> NDArray[np.uint16]:
