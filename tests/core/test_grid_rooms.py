@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from itertools import pairwise
 from pathlib import Path
 
@@ -14,8 +15,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from sgraph_concepts.errors import InputError, MapWarning
-from sgraph_concepts.types import ConceptNode, NodeShape, OccupancyGrid, Scene, SurfaceArrays
+from sgraph_concepts.errors import InputError, MapWarning, MissingExtraError
+from sgraph_concepts.types import (
+    ConceptNode,
+    NodeShape,
+    OccupancyGrid,
+    Scene,
+    ScoredEdges,
+    SurfaceArrays,
+)
+from sgraph_core.evaluation.watershed import watershed_rooms
 from sgraph_core.graph import SGraph
 from sgraph_core.grid.label_image import save_label_image
 from sgraph_core.grid.painting import paint
@@ -24,6 +33,7 @@ from sgraph_core.grid.polygons import polygons
 from sgraph_core.grid.reader import read_grid
 from sgraph_core.grid.regions import NOBODY, label_cells
 from sgraph_core.rooms import adjacency
+from sgraph_plugins.room.cluster import cluster
 from sgraph_plugins.room.shape import shape
 
 # two rooms of 80 x 80 and 90 x 80 cells, a wall of 10 cells between them, a doorway of 18 cells
@@ -39,13 +49,15 @@ def two_rooms(
     return grid, [surfaces_of(grid, *WEST_LINES), surfaces_of(grid, *EAST_LINES, first_id=10)]
 
 
+def together(*rooms: SurfaceArrays) -> SurfaceArrays:
+    segments = np.concatenate([room.segments for room in rooms])
+    normals = np.concatenate([room.normals for room in rooms])
+    return SurfaceArrays(np.arange(len(segments)), segments, normals)
+
+
 def shapes_of(grid: OccupancyGrid | None, rooms: list[SurfaceArrays]) -> list[NodeShape]:
     """Return the shapes of rooms as the detector asks for them; ids are places in the list."""
-    surfaces = SurfaceArrays(
-        np.concatenate([room.ids for room in rooms]),
-        np.concatenate([room.segments for room in rooms]),
-        np.concatenate([room.normals for room in rooms]),
-    )
+    surfaces = together(*rooms)
     ends = np.cumsum([len(room) for room in rooms])
     members = dict(enumerate(np.split(np.arange(ends[-1]), ends[:-1])))
     none = np.empty((0, 2), np.int64)
@@ -251,11 +263,7 @@ def test_a_doorway_separates_what_surfaces_face_if_it_is_narrow(
     width_m: float, apart: float
 ) -> None:
     grid, (west, east) = two_rooms()
-    both = SurfaceArrays(
-        np.arange(10),
-        np.concatenate([west.segments, east.segments]),
-        np.concatenate([west.normals, east.normals]),
-    )
+    both = together(west, east)
     pairs = np.array([[1, 2], [1, 7], [6, 7]])
     occupy(grid, (50, 53, 50, 53))  # a table leg, which narrows nothing
     assert separated(both, pairs, grid, width_m).tolist() == [0.0, apart, 0.0]
@@ -338,3 +346,43 @@ def test_the_adjacency_joins_rooms_by_their_doorways() -> None:
         adjacency(graph)
     with pytest.raises(InputError, match="holds no rooms"):
         adjacency(SGraph())
+
+
+# -- the classic -----------------------------------------------------------------------------------
+
+
+def test_the_watershed_parts_rooms_at_their_doorway_and_fills_furniture() -> None:
+    pytest.importorskip("skimage")
+    grid, _ = two_rooms()
+    occupy(grid, (40, 50, 40, 50))  # 0.25 m2
+    labels = watershed_rooms(grid)
+    assert sorted(np.unique(labels)) == [NOBODY, 0, 1]
+    for room in (WEST, EAST):
+        left, right, bottom, top = room
+        assert len(np.unique(labels[bottom:top, left:right])) == 1
+    assert labels[50, 20] != labels[50, 120]
+    assert (labels[:10] == NOBODY).all()
+
+
+def test_without_scikit_image_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "skimage.morphology", None)
+    with pytest.raises(MissingExtraError, match=r"sgraph-concepts\[classic\]"):
+        watershed_rooms(two_rooms()[0])
+
+
+# -- clusters --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("known", "count"), [(False, 1), (True, 2)])
+def test_a_narrow_passage_is_evidence_against_one_room(known: bool, count: int) -> None:
+    grid, (west, east) = two_rooms()
+    total = len(west) + len(east)
+    surfaces = together(west, east)
+    pairs = np.array([(k, m) for k in range(total) for m in range(k + 1, total)])
+    within = (pairs < len(west)).sum(axis=1) != 1
+    edges = ScoredEdges(pairs, np.where(within, 2.0, 1.0))
+    nothing = np.zeros(len(pairs))
+    scene = Scene(
+        surfaces, np.zeros(2), pairs, nothing, nothing[:, None], grid=grid if known else None
+    )
+    assert len(cluster(edges, scene)) == count
