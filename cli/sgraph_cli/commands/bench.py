@@ -1,4 +1,4 @@
-"""`sgraph benchmark`: how long inference takes, and how that grows with the map."""
+"""`sgraph bench`: how long inference takes."""
 
 from __future__ import annotations
 
@@ -8,10 +8,13 @@ import typer
 
 from sgraph_cli.console import print_table, progress, warn_about_plugins
 
-__all__ = ["benchmark"]
+__all__ = ["app"]
+
+app = typer.Typer(help="Measure how good and how fast the method is.", no_args_is_help=True)
 
 
-def benchmark(
+@app.command("speed")
+def speed(
     size: Annotated[
         list[int] | None,
         typer.Option(min=3, help="Wall surfaces of a map; 240, 1000, 4000 and 20000 if not given."),
@@ -24,7 +27,7 @@ def benchmark(
     from rich.table import Table
 
     from sgraph_core.detector import Detector
-    from sgraph_core.evaluation.benchmark import SIZES, growth, time_stages
+    from sgraph_core.evaluation.speed import SIZES, growth, time_stages
 
     detector = Detector()
     warn_about_plugins(list(detector.registry.problems))
