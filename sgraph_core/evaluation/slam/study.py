@@ -1,0 +1,118 @@
+"""All methods on all drives, in parallel, each result kept as soon as it is there."""
+
+from __future__ import annotations
+
+import importlib
+import multiprocessing
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import cache
+from pathlib import Path
+
+from sgraph_core.evaluation.slam.drives import Drive
+from sgraph_core.evaluation.slam.growth import watch
+from sgraph_core.evaluation.slam.metrics import align, map_rmse, require_evo
+from sgraph_core.evaluation.slam.results import Result, Store
+from sgraph_core.evaluation.slam.variants import VARIANTS, Detectors, Trial, Variant
+from sgraph_core.evaluation.scores import score_floor
+from sgraph_core.training.samples import Progress
+
+__all__ = ["measure", "run_study"]
+
+
+def run_study(
+    drives: Sequence[Drive],
+    seeds: int,
+    store: Store,
+    progress: Progress,
+    paper_weights: Path | None = None,
+) -> list[Result]:
+    """Return the results of every method on every drive and seed, by drive, seed and method.
+
+    What the store holds is not computed again. A drive is made once per seed, for all methods that
+    are missing.
+
+    Args:
+        drives: scenes or logs.
+        seeds: how many; they count from 0.
+        store: keeps the results.
+        progress: told after every result.
+        paper_weights: folder of a training with the paper's configuration.
+
+    Raises:
+        MissingExtraError: evo is not installed.
+        SGraphError: a drive cannot be read or a map not be solved.
+    """
+    require_evo()
+    wanted = [
+        (drive, seed, [v.name for v in VARIANTS.values() if drive.has_truth or not v.needs_truth])
+        for drive in drives
+        for seed in range(seeds)
+    ]
+    todo = []
+    for drive, seed, names in wanted:
+        missing = [name for name in names if store.get(drive.name, seed, name) is None]
+        if missing:
+            todo.append((drive, seed, missing))
+    total = sum(len(names) for *_, names in wanted)
+    done = total - sum(len(names) for *_, names in todo)
+    for results in _in_parallel(todo, paper_weights):
+        for result in results:
+            store.put(result)
+        done += len(results)
+        progress("driving", done, total)
+    found = (store.get(d.name, seed, name) for d, seed, names in wanted for name in names)
+    return [result for result in found if result is not None]
+
+
+Task = tuple[Drive, int, list[str]]
+
+
+def _in_parallel(tasks: Sequence[Task], paper_weights: Path | None) -> Iterator[list[Result]]:
+    if not tasks:
+        return
+    context = multiprocessing.get_context("spawn")  # forking a process that runs threads may hang
+    workers = min(os.cpu_count() or 1, len(tasks))
+    with ProcessPoolExecutor(workers, mp_context=context) as pool:
+        futures = [pool.submit(_run_task, *task, paper_weights) for task in tasks]
+        try:
+            for future in as_completed(futures):
+                yield future.result()
+        except BaseException:
+            pool.shutdown(cancel_futures=True)  # or what is left would be driven first
+            raise
+
+
+_detectors = cache(Detectors.load)
+
+
+def _run_task(
+    drive: Drive, seed: int, names: Sequence[str], paper_weights: Path | None
+) -> list[Result]:
+    trial = drive.trial(seed)
+    detectors = _detectors(paper_weights)
+    return [measure(trial, VARIANTS[name], detectors) for name in names]
+
+
+def measure(trial: Trial, variant: Variant, detectors: Detectors) -> Result:
+    """Run one method on one drive, and score what it makes of it.
+
+    Raises:
+        SGraphError: the map cannot be solved.
+    """
+    solved = variant.solve(trial, detectors)
+    alignment = align(solved, trial.reference)
+    scores = None if solved.truth is None else score_floor(solved, solved.truth)
+    growth = watch(trial, variant, detectors)
+    return Result(
+        drive=trial.name,
+        seed=trial.seed,
+        variant=variant.name,
+        ate_m=alignment.ate_rmse_m,
+        map_m=map_rmse(solved, trial.true_surfaces, alignment),
+        rooms=scores.rooms if scores and "room" in variant.concepts else None,
+        walls=scores.walls if scores and "wall" in variant.concepts else None,
+        first_room_s=growth.first_room_s,
+        update_ms=growth.update_ms,
+    )
