@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -15,7 +15,7 @@ from sgraph_concepts.errors import InputError
 from sgraph_concepts.types import BuildingTruth, FloatArray, SurfaceArrays
 from sgraph_core.frontend.lidar import Panels
 from sgraph_core.synth.pieces import NO_ROOM
-from sgraph_core.synth.polygons import all_edges, grow, polygons_in, turn_left
+from sgraph_core.synth.polygons import all_edges, polygons_in, turn_left
 from sgraph_core.synth.walls import wall_gaps
 
 __all__ = ["Door", "Floor", "Furniture", "Point"]

@@ -16,7 +16,6 @@ import numpy as np
 from sgraph_concepts.types import FloatArray
 from sgraph_core.frontend.lidar import Cloud
 from sgraph_core.frontend.recording import ObservedSurfaces
-from sgraph_core.geometry import dot
 
 __all__ = ["Extraction", "Scan", "extract_surfaces", "horizontal_scan", "upright_scan"]
 

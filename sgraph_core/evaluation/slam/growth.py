@@ -7,7 +7,8 @@ import time
 from dataclasses import dataclass
 
 from sgraph_core.evaluation.scores import score_floor
-from sgraph_core.evaluation.slam.variants import Detectors, Trial, Variant
+from sgraph_core.evaluation.slam.trial import Trial
+from sgraph_core.evaluation.slam.variants import Detectors, Variant
 from sgraph_core.graph import SGraph
 
 __all__ = ["Growth", "watch"]
@@ -34,7 +35,7 @@ def watch(trial: Trial, variant: Variant, detectors: Detectors) -> Growth:
     first, milliseconds = None, []
     for update in trial.updates:
         start = time.perf_counter()
-        found = variant.detect(update.graph, update.scans, detectors)
+        found = variant.detect(update.graph, trial.recording.scans, detectors)
         milliseconds.append(1e3 * (time.perf_counter() - start))
         if first is None and _found_a_room(found):
             first = update.seconds

@@ -30,9 +30,7 @@ def described(
         registry: the concepts.
     """
     surfaces = graph.wall_surfaces.ordered()
-    scene = Scene(
-        surfaces, np.zeros(2), np.empty((0, 2), np.int64), np.empty(0), np.empty((0, 0))
-    )
+    scene = Scene(surfaces, np.zeros(2), np.empty((0, 2), np.int64), np.empty(0), np.empty((0, 0)))
     shape = registry.part(concept, "shape")
     nodes = []
     for number, ids in enumerate(members):

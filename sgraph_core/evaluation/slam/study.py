@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import importlib
 import multiprocessing
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import cache
 from pathlib import Path
 
+from sgraph_core.evaluation.scores import score_floor
 from sgraph_core.evaluation.slam.drives import Drive
 from sgraph_core.evaluation.slam.growth import watch
 from sgraph_core.evaluation.slam.metrics import align, map_rmse, require_evo
 from sgraph_core.evaluation.slam.results import Result, Store
-from sgraph_core.evaluation.slam.variants import VARIANTS, Detectors, Trial, Variant
-from sgraph_core.evaluation.scores import score_floor
+from sgraph_core.evaluation.slam.trial import Trial
+from sgraph_core.evaluation.slam.variants import VARIANTS, Detectors, Variant
 from sgraph_core.training.samples import Progress
 
 __all__ = ["measure", "run_study"]
@@ -102,11 +102,11 @@ def measure(trial: Trial, variant: Variant, detectors: Detectors) -> Result:
         SGraphError: the map cannot be solved.
     """
     solved = variant.solve(trial, detectors)
-    alignment = align(solved, trial.reference)
+    alignment = align(solved, trial.recording.reference)
     scores = None if solved.truth is None else score_floor(solved, solved.truth)
     growth = watch(trial, variant, detectors)
     return Result(
-        drive=trial.name,
+        drive=trial.recording.name,
         seed=trial.seed,
         variant=variant.name,
         ate_m=alignment.ate_rmse_m,

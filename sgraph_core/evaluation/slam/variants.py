@@ -3,52 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from sgraph_concepts.types import FloatArray, SurfaceArrays
+from sgraph_concepts.types import FloatArray
 from sgraph_core.api import infer_and_optimize
 from sgraph_core.backend import optimize
 from sgraph_core.detector import Detector
 from sgraph_core.evaluation.slam.free_space import free_space_rooms
 from sgraph_core.evaluation.slam.merging import merged
 from sgraph_core.evaluation.slam.nodes import corrupted, described
+from sgraph_core.evaluation.slam.trial import Trial
 from sgraph_core.graph import SGraph
 
-__all__ = ["BASELINE", "VARIANTS", "Detectors", "Trial", "Variant"]
+__all__ = ["BASELINE", "VARIANTS", "Detectors", "Variant"]
 
-PUBLISHED = {"room": "published", "wall": "published"}
 BOTH = ("room", "wall")
-
-
-@dataclass(frozen=True, eq=False)
-class Trial:
-    """One drive, as every method gets it.
-
-    Attributes:
-        seed: of the drive.
-        graph: the map along dead-reckoned keyframes; its truth, if any, is only for scores.
-        scans: of each keyframe, as :func:`free_space_rooms` takes them.
-        reference: true poses of the keyframes, [K, 7].
-        true_surfaces: what the map should be.
-        same: ids of the wall surfaces that are one surface in truth, group by group; None where
-            nobody knows.
-    """
-
-    seed: int
-    graph: SGraph
-    scans: Sequence[FloatArray]
-    reference: FloatArray
-    true_surfaces: SurfaceArrays
-    same: Sequence[Sequence[int]] | None = None
-
-    @cached_property
-    def straightened(self) -> SGraph:
-        """The map after its own odometry and planes were solved for."""
-        return optimize(self.graph).graph
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,8 +32,8 @@ class Detectors:
         paper: the paper's, if weights of it are at hand, else ours.
     """
 
-    ours: Detector = field(default_factory=Detector)
-    paper: Detector = field(default_factory=Detector)
+    ours: Detector
+    paper: Detector
 
     @classmethod
     def load(cls, paper_weights: Path | None = None) -> Detectors:
@@ -85,7 +57,7 @@ class Variant:
         solve: returns a drive's solved S-Graph, with the concepts that describe it in the end.
         detect: returns a map with its concepts, as the method finds them while the map grows.
         concepts: that are scored.
-        needs_truth: whether it only runs where the truth of surfaces, rooms and walls is known.
+        needs_truth: whether it only runs where true rooms and walls are known.
     """
 
     name: str
@@ -96,7 +68,7 @@ class Variant:
 
 
 def _odometry(trial: Trial, _detectors: Detectors) -> SGraph:
-    return trial.graph
+    return trial.dead_reckoned
 
 
 def _planes_only(trial: Trial, _detectors: Detectors) -> SGraph:
@@ -104,24 +76,22 @@ def _planes_only(trial: Trial, _detectors: Detectors) -> SGraph:
 
 
 def _free_space(trial: Trial, detectors: Detectors) -> SGraph:
-    found = _detect_free_space(trial.straightened, trial.scans, detectors)
+    found = _detect_free_space(trial.straightened, trial.recording.scans, detectors)
     solved = optimize(found, {"room": "published"}).graph
-    return _detect_free_space(solved, trial.scans, detectors)
+    return _detect_free_space(solved, trial.recording.scans, detectors)
 
 
-def _detect_free_space(
-    graph: SGraph, scans: Sequence[FloatArray], _detectors: Detectors
-) -> SGraph:
+def _detect_free_space(graph: SGraph, scans: Sequence[FloatArray], _detectors: Detectors) -> SGraph:
     found = graph.copy()
     found.concepts = {"room": free_space_rooms(graph, scans)}
     return found
 
 
 def _paper(concepts: tuple[str, ...]) -> tuple[Solve, Detect]:
-    published = {name: "published" for name in concepts}
+    published = dict.fromkeys(concepts, "published")
 
     def solve(trial: Trial, detectors: Detectors) -> SGraph:
-        return infer_and_optimize(trial.graph, detectors.paper, concepts, published)[0]
+        return infer_and_optimize(trial.mapped.graph, detectors.paper, concepts, published)[0]
 
     def detect(graph: SGraph, _scans: Sequence[FloatArray], detectors: Detectors) -> SGraph:
         return detectors.paper.infer(graph, concepts)
@@ -131,7 +101,7 @@ def _paper(concepts: tuple[str, ...]) -> tuple[Solve, Detect]:
 
 def _ours(concepts: tuple[str, ...]) -> tuple[Solve, Detect]:
     def solve(trial: Trial, detectors: Detectors) -> SGraph:
-        return infer_and_optimize(trial.graph, detectors.ours, concepts)[0]
+        return infer_and_optimize(trial.mapped.graph, detectors.ours, concepts)[0]
 
     def detect(graph: SGraph, _scans: Sequence[FloatArray], detectors: Detectors) -> SGraph:
         return detectors.ours.infer(graph, concepts)
@@ -140,13 +110,13 @@ def _ours(concepts: tuple[str, ...]) -> tuple[Solve, Detect]:
 
 
 def _true_association(trial: Trial, detectors: Detectors) -> SGraph:
-    """Merge the surfaces that are one in truth, and tie the true walls."""
-    assert trial.same is not None
-    graph = optimize(merged(trial.straightened, trial.same)).graph
-    assert graph.truth is not None
-    graph.concepts = {
-        "wall": described(graph, "wall", graph.truth.walls, detectors.ours.registry)
-    }
+    """Merge the surfaces that are one in truth, and tie the true walls; found ones in a log."""
+    registry = detectors.ours.registry
+    graph = optimize(merged(trial.straightened, trial.same_surfaces)).graph
+    if graph.truth is None:
+        graph = detectors.ours.infer(graph, ["wall"])
+    else:
+        graph.concepts = {"wall": described(graph, "wall", graph.truth.walls, registry)}
     return optimize(graph).graph
 
 
@@ -170,6 +140,6 @@ VARIANTS: Mapping[str, Variant] = {
         Variant("ours, rooms", *_ours(("room",)), ("room",)),
         Variant("ours, rooms + walls", *_ours(BOTH), BOTH),
         Variant("ours, corrupted", _corrupted, needs_truth=True),
-        Variant("true association", _true_association, needs_truth=True),
+        Variant("true association", _true_association),
     )
 }
