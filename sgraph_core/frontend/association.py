@@ -12,7 +12,7 @@ from sgraph_core.frontend.recording import ObservedSurfaces
 from sgraph_core.geometry import dot
 from sgraph_core.synth.polygons import turn_left
 
-__all__ = ["NONE", "Gate", "Lines", "matches", "seen_from_pose"]
+__all__ = ["GATE", "NONE", "Gate", "Lines", "matches", "seen_from_pose"]
 
 NONE = -1
 
@@ -30,6 +30,9 @@ class Gate:
     angle_deg: float = 10.0
     offset_m: float = 0.3
     gap_m: float = 0.3
+
+
+GATE = Gate()
 
 
 @dataclass(frozen=True, eq=False)

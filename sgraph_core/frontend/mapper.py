@@ -122,7 +122,7 @@ class Mapper:
         self.associations.append(surfaces)
 
     def _grow(self, seen: Lines, planes: FloatArray, surfaces: IntArray, pose: FloatArray) -> None:
-        """Extend the surfaces by what was seen, and put their ends into the new keyframe's frame."""
+        """Extend the surfaces by what was seen; put their ends into the new keyframe's frame."""
         count = max(len(self._planes), int(surfaces.max(initial=-1)) + 1)
         fresh = count - len(self._planes)
         known = count - fresh

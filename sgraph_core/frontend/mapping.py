@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sgraph_concepts.types import FloatArray, IntArray
-from sgraph_core.frontend.association import Gate
+from sgraph_core.frontend.association import GATE, Gate
 from sgraph_core.frontend.mapper import Mapper
 from sgraph_core.frontend.planar import as_rows
 from sgraph_core.frontend.recording import Recording
@@ -39,7 +39,7 @@ class MappedDrive:
     sources: IntArray
 
 
-def build_map(recording: Recording, gate: Gate = Gate()) -> MappedDrive:
+def build_map(recording: Recording, gate: Gate = GATE) -> MappedDrive:
     """Map a recording; the same recording gives the same map.
 
     Raises:

@@ -10,7 +10,7 @@ from numpy.random import Generator
 from sgraph_concepts.types import FloatArray
 from sgraph_core.frontend.planar import as_rows, between
 
-__all__ = ["Drift", "drifting_odometry"]
+__all__ = ["DRIFT", "Drift", "drifting_odometry"]
 
 PLANAR_SIGMA = 1e-3
 """Of roll, pitch (rad) and z (m), which motion in the plane does not change."""
@@ -30,6 +30,9 @@ class Drift:
     heading_deg: float = 1.0
     least_m: float = 0.002
     least_deg: float = 0.1
+
+
+DRIFT = Drift()
 
 
 def drifting_odometry(

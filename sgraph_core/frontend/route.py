@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import networkx as nx
 import numpy as np
@@ -47,7 +48,7 @@ def route(free: BaseGeometry, stops: Sequence[tuple[float, float]]) -> FloatArra
     numbers = {tuple(place): k for k, place in enumerate(places.tolist())}
     rounded = [tuple(np.round(stop, 6).tolist()) for stop in stops]
     way = [numbers[rounded[0]]]
-    for start, end in zip(rounded[:-1], rounded[1:], strict=True):
+    for start, end in pairwise(rounded):
         try:
             way += nx.dijkstra_path(graph, numbers[start], numbers[end])[1:]
         except (nx.NetworkXNoPath, nx.NodeNotFound):

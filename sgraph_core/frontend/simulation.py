@@ -6,11 +6,12 @@ import numpy as np
 
 from sgraph_core.frontend.building import Floor
 from sgraph_core.frontend.lidar import VLP16, Lidar, cast
-from sgraph_core.frontend.odometry import Drift, drifting_odometry
+from sgraph_core.frontend.odometry import DRIFT, Drift, drifting_odometry
 from sgraph_core.frontend.planar import as_rows
 from sgraph_core.frontend.recording import Recording
 from sgraph_core.frontend.route import drive_along, route
 from sgraph_core.frontend.surfaces import (
+    EXTRACTION,
     Extraction,
     extract_surfaces,
     horizontal_scan,
@@ -29,8 +30,8 @@ def simulate(
     seed: int,
     *,
     lidar: Lidar = VLP16,
-    drift: Drift = Drift(),
-    extraction: Extraction = Extraction(),
+    drift: Drift = DRIFT,
+    extraction: Extraction = EXTRACTION,
 ) -> Recording:
     """Drive the tour of a floor; the same seed gives the same recording.
 

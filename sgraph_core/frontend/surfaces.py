@@ -10,6 +10,7 @@ ceiling need be known, and a column of 16 rays costs as much as one ray of a 2-D
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -17,7 +18,14 @@ from sgraph_concepts.types import FloatArray
 from sgraph_core.frontend.lidar import Cloud
 from sgraph_core.frontend.recording import ObservedSurfaces
 
-__all__ = ["Extraction", "Scan", "extract_surfaces", "horizontal_scan", "upright_scan"]
+__all__ = [
+    "EXTRACTION",
+    "Extraction",
+    "Scan",
+    "extract_surfaces",
+    "horizontal_scan",
+    "upright_scan",
+]
 
 
 @dataclass(frozen=True)
@@ -45,6 +53,9 @@ class Extraction:
     least_sigmas: tuple[float, float] = (0.005, 0.01)
     agree_m: float = 0.15
     fewest_rings: int = 3
+
+
+EXTRACTION = Extraction()
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +149,7 @@ def _chains(points: FloatArray, config: Extraction) -> list[Run]:
     """Return runs without jumps."""
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     borders = [0, *(np.flatnonzero(steps > config.jump_m) + 1).tolist(), len(points)]
-    return [(a, b) for a, b in zip(borders[:-1], borders[1:], strict=True) if b - a >= 2]
+    return [(a, b) for a, b in pairwise(borders) if b - a >= 2]
 
 
 def _split(points: FloatArray, chain: Run, config: Extraction) -> list[Run]:

@@ -49,7 +49,7 @@ def _mapped_with_reference(recording: Recording, poses: FloatArray, gate: Gate) 
 
 
 def surface_sources(associations: list[IntArray], sources: list[IntArray], count: int) -> IntArray:
-    """Return of each of N mapped surfaces the true one that most of its observations are of, [N]."""
+    """Return of each of N mapped surfaces the true one of most of its observations, [N]."""
     mapped, true = np.concatenate(associations), np.concatenate(sources)
     known = true != NONE
     votes = np.zeros((count, int(true.max(initial=-1)) + 2), np.int64)
@@ -63,7 +63,7 @@ def truth_of_map(
     """Return the rooms and walls of a map of a simulated building, None for a log.
 
     A room's members are the mapped surfaces of its sides. Two mapped surfaces are the sides of a
-    wall when what they were mapped of is, where they were seen: a long wall may be mapped in pieces.
+    wall when what they were mapped of is, where they were seen: walls may be mapped in pieces.
     """
     building = recording.building
     if building is None:
