@@ -6,7 +6,7 @@ import numpy as np
 from plans import Point, block, plan, turned
 
 from sgraph_concepts.types import ConceptNode, FloatArray
-from sgraph_core.evaluation.slam.free_space import free_space_rooms
+from sgraph_core.evaluation.slam.free_space import free_outlines, free_space_rooms
 from sgraph_core.frontend.lidar import Lidar, Panels, cast
 from sgraph_core.frontend.surfaces import horizontal_scan
 from sgraph_core.graph import SGraph
@@ -24,7 +24,8 @@ def seen_from(graph: SGraph, *positions: Point) -> list[ConceptNode]:
     """Return the rooms that Free Space finds when a robot stood at the positions."""
     for number, (x, y) in enumerate(positions):
         graph.add_keyframe(number, [x, y, 0, 0, 0, 0, 1])
-    return free_space_rooms(graph, [scan_of(graph, position) for position in positions])
+    scans = [scan_of(graph, position) for position in positions]
+    return free_space_rooms(graph, free_outlines(scans))
 
 
 def members_of(rooms: list[ConceptNode]) -> set[tuple[int, ...]]:
@@ -105,6 +106,6 @@ def test_a_scanner_of_half_a_turn_sees_what_is_in_front() -> None:
     graph = plan([(0, 0), (6, 0), (6, 4), (0, 4)])
     graph.add_keyframe(0, [3, 2, 0, 0, 0, 0, 1])
     scan = scan_of(graph, (3, 2))
-    (room,) = free_space_rooms(graph, [scan[scan[:, 0] > 0]])
+    (room,) = free_space_rooms(graph, free_outlines([scan[scan[:, 0] > 0]]))
     assert room.shape.centre is not None
     assert room.shape.centre[0] > 3.5

@@ -1,9 +1,8 @@
 """Free Space: the rooms of S-Graphs+, as the paper describes that method.
 
-It needs no learning: the space far from every obstacle is cut into its connected clusters, and
-around each cluster two or four wall surfaces that enclose it are looked for. Two make a corridor,
-four a room; it knows no other shapes. S-Graphs+ represents that space by a graph of points, here it
-is a polygon, which leaves out no point.
+It needs no learning: a graph of points far from every obstacle is cut into its connected clusters,
+and around each cluster two or four wall surfaces that enclose it are looked for. Two make a
+corridor, four a room; it knows no other shapes. The points here are those of a lattice.
 """
 
 from __future__ import annotations
@@ -13,6 +12,8 @@ from itertools import combinations
 
 import numpy as np
 import shapely
+from PIL import Image, ImageDraw
+from scipy import ndimage
 from shapely import Polygon
 
 from sgraph_concepts.types import ConceptNode, FloatArray, NodeShape, SurfaceArrays
@@ -21,8 +22,10 @@ from sgraph_core.geometry import dot, lines_of
 from sgraph_core.graph import SGraph
 from sgraph_core.synth.polygons import polygons_in
 
-__all__ = ["free_space_rooms"]
+__all__ = ["free_outlines", "free_space_rooms"]
 
+SPACING_M = 0.1
+"""Of the lattice."""
 MARGIN_M = 0.15
 """Before the end of a ray nothing is taken to be free: ranges and poses are noisy, walls thin."""
 CLEARANCE_M = 0.5
@@ -42,46 +45,68 @@ LEAST_OVERLAP_M = 0.5
 """Of two opposed surfaces and the cluster between them."""
 
 
-def free_space_rooms(graph: SGraph, scans: Sequence[FloatArray]) -> list[ConceptNode]:
+def free_outlines(scans: Sequence[FloatArray]) -> list[list[FloatArray]]:
+    """Return the outlines of what each scan shows to be free, in the body frame, [C, 2] each.
+
+    Args:
+        scans: end points of rays in order of their bearing, in the body frame, [P, 2] each.
+    """
+    seen = [Polygon(_outline(scan)) for scan in scans]
+    free = shapely.buffer(shapely.simplify(seen, DETAIL_M), -MARGIN_M)
+    return [[shapely.get_coordinates(part.exterior) for part in polygons_in(area)] for area in free]
+
+
+def free_space_rooms(graph: SGraph, outlines: Sequence[Sequence[FloatArray]]) -> list[ConceptNode]:
     """Return the rooms that Free Space finds in a map, with two or four members each.
 
     Args:
         graph: K keyframes and the wall surfaces; nothing else of it is read.
-        scans: K or more; of each keyframe the end points of rays in order of their bearing, in the
-            body frame, [P_k, 2].
+        outlines: what is free as seen from each keyframe, of K or more, by :func:`free_outlines`.
     """
     surfaces = graph.wall_surfaces.ordered()
-    found: dict[tuple[int, ...], Polygon] = {}
-    for cluster in _clusters(from_rows(graph.keyframes.poses), scans):
+    found: dict[tuple[int, ...], FloatArray] = {}
+    for cluster in _clusters(from_rows(graph.keyframes.poses), outlines):
         rows = _enclosing(surfaces, cluster)
         if rows:
-            found.setdefault(tuple(sorted(surfaces.ids[rows].tolist())), cluster)
+            found.setdefault(tuple(sorted(surfaces.ids[rows].tolist())), cluster.mean(axis=0))
     return [
-        ConceptNode(number, members, shape=NodeShape((cluster.centroid.x, cluster.centroid.y)))
-        for number, (members, cluster) in enumerate(found.items())
+        ConceptNode(number, members, shape=NodeShape((float(centre[0]), float(centre[1]))))
+        for number, (members, centre) in enumerate(found.items())
     ]
-
-
-def _clusters(poses: FloatArray, scans: Sequence[FloatArray]) -> list[Polygon]:
-    """Return the connected parts of the space that is far from every obstacle."""
-    seen = [
-        Polygon(placed(pose, _outline(scan)))
-        for pose, scan in zip(poses, scans, strict=False)
-        if len(scan) >= 3
-    ]
-    free = shapely.union_all(shapely.buffer(shapely.simplify(seen, DETAIL_M), -MARGIN_M))
-    parts = polygons_in(free.buffer(-CLEARANCE_M))
-    return [part for part in parts if part.area >= LEAST_AREA_M2]
 
 
 def _outline(scan: FloatArray) -> FloatArray:
-    """Return the outline of what a scan shows to be free: unless it is a full turn, with its eye."""
+    """Return the outline of what a scan shows, with its eye unless it is a full turn."""
+    if len(scan) < 2:
+        return np.empty((0, 2))
     bearings = np.arctan2(scan[:, 1], scan[:, 0])
     unseen = (bearings[0] - bearings[-1]) % (2 * np.pi)
     return scan if unseen < FULL_TURN_GAP_RAD else np.concatenate([scan, np.zeros((1, 2))])
 
 
-def _enclosing(surfaces: SurfaceArrays, cluster: Polygon) -> list[int]:
+def _clusters(poses: FloatArray, outlines: Sequence[Sequence[FloatArray]]) -> list[FloatArray]:
+    """Return the connected clusters of the points that are far from every obstacle, [P, 2] each."""
+    rings = [placed(pose, ring) for pose, own in zip(poses, outlines, strict=False) for ring in own]
+    if not rings:
+        return []
+    corners = np.concatenate(rings)
+    origin = corners.min(axis=0) - SPACING_M
+    columns, rows = np.ceil((corners.max(axis=0) - origin) / SPACING_M).astype(int) + 2
+    image = Image.new("1", (int(columns), int(rows)))
+    draw = ImageDraw.Draw(image)
+    for ring in rings:
+        draw.polygon(((ring - origin) / SPACING_M).ravel().tolist(), fill=1)
+    clearance = SPACING_M * ndimage.distance_transform_edt(np.asarray(image))
+    labels, _ = ndimage.label(clearance >= CLEARANCE_M)
+    found = []
+    for label, place in enumerate(ndimage.find_objects(labels), start=1):
+        cells = np.argwhere(labels[place] == label) + [part.start for part in place]
+        if len(cells) * SPACING_M**2 >= LEAST_AREA_M2:
+            found.append(origin + SPACING_M * cells[:, ::-1])
+    return found
+
+
+def _enclosing(surfaces: SurfaceArrays, cluster: FloatArray) -> list[int]:
     """Return the rows of four or two surfaces that enclose a cluster; none if there are no two.
 
     Of opposed surfaces those are taken that have most of the cluster between them, and are near.
@@ -102,19 +127,19 @@ def _enclosing(surfaces: SurfaceArrays, cluster: Polygon) -> list[int]:
     return [*first, *second]
 
 
-def _around(surfaces: SurfaceArrays, cluster: Polygon) -> dict[int, float]:
+def _around(surfaces: SurfaceArrays, cluster: FloatArray) -> dict[int, float]:
     """Return rows and distances of the surfaces beside a cluster that face it."""
-    lines = lines_of(surfaces.segments)
-    near = np.flatnonzero(shapely.dwithin(lines, cluster, CLEARANCE_M + MARGIN_M + AROUND_M))
-    ways = shapely.get_coordinates(shapely.shortest_line(lines[near], cluster)).reshape(-1, 2, 2)
+    lines, cloud = lines_of(surfaces.segments), shapely.multipoints(cluster)
+    near = np.flatnonzero(shapely.dwithin(lines, cloud, CLEARANCE_M + MARGIN_M + AROUND_M))
+    ways = shapely.get_coordinates(shapely.shortest_line(lines[near], cloud)).reshape(-1, 2, 2)
     way = ways[:, 1] - ways[:, 0]
     facing = dot(way, surfaces.normals[near]) > 0
     distances = np.linalg.norm(way, axis=1)
     return dict(zip(near[facing].tolist(), distances[facing].tolist(), strict=True))
 
 
-def _overlap(surfaces: SurfaceArrays, one: int, two: int, cluster: Polygon) -> float:
+def _overlap(surfaces: SurfaceArrays, one: int, two: int, cluster: FloatArray) -> float:
     """Return along what length two opposed surfaces have the cluster between them."""
-    parts = (surfaces.segments[one], surfaces.segments[two], shapely.get_coordinates(cluster))
+    parts = (surfaces.segments[one], surfaces.segments[two], cluster)
     spans = [part @ surfaces.tangents[one] for part in parts]
     return float(min(span.max() for span in spans) - max(span.min() for span in spans))

@@ -21,7 +21,8 @@ class Growth:
     Attributes:
         first_room_s: from the start of the drive to the first update at which a room is right (at
             which there is any, without truth); None if there never is.
-        update_ms: median time of an update's detection; None if the method detects nothing.
+        update_ms: median time of detection at the updates that are spread evenly over the drive;
+            None if the method detects nothing.
     """
 
     first_room_s: float | None
@@ -29,14 +30,18 @@ class Growth:
 
 
 def watch(trial: Trial, variant: Variant, detectors: Detectors) -> Growth:
-    """Detect at every update of a growing map."""
-    if variant.detect is None:
+    """Detect at the updates of a growing map.
+
+    The paper's variants are left out where nobody has weights of it: they detect as ours do.
+    """
+    if variant.detect is None or (variant.papers and detectors.paper is detectors.ours):
         return Growth(None, None)
     first, milliseconds = None, []
     for update in trial.updates:
         start = time.perf_counter()
-        found = variant.detect(update.graph, trial.recording.scans, detectors)
-        milliseconds.append(1e3 * (time.perf_counter() - start))
+        found = variant.detect(update.graph, trial, detectors)
+        if update.regular:
+            milliseconds.append(1e3 * (time.perf_counter() - start))
         if first is None and _found_a_room(found):
             first = update.seconds
     return Growth(first, statistics.median(milliseconds))

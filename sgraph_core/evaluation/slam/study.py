@@ -52,7 +52,7 @@ def run_study(
     ]
     todo = []
     for drive, seed, names in wanted:
-        missing = [name for name in names if store.get(drive.name, seed, name) is None]
+        missing = [name for name in names if store.get(drive.key, seed, name) is None]
         if missing:
             todo.append((drive, seed, missing))
     total = sum(len(names) for *_, names in wanted)
@@ -62,7 +62,7 @@ def run_study(
             store.put(result)
         done += len(results)
         progress("driving", done, total)
-    found = (store.get(d.name, seed, name) for d, seed, names in wanted for name in names)
+    found = (store.get(d.key, seed, name) for d, seed, names in wanted for name in names)
     return [result for result in found if result is not None]
 
 

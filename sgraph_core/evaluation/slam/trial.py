@@ -9,6 +9,7 @@ import numpy as np
 
 from sgraph_concepts.types import FloatArray, SurfaceArrays
 from sgraph_core.backend import optimize
+from sgraph_core.evaluation.slam.free_space import free_outlines
 from sgraph_core.frontend.association import NONE, Gate, seen_from_pose
 from sgraph_core.frontend.mapper import Mapper
 from sgraph_core.frontend.mapping import MappedDrive, build_map
@@ -18,7 +19,7 @@ from sgraph_core.graph import SGraph, Truth
 
 __all__ = ["Trial", "Update"]
 
-KEYFRAMES_PER_UPDATE = 5
+FIRST_UPDATES, REGULAR_UPDATES = 20, 20
 REFERENCE_SIGMA = 1e-3
 """Of motions between reference poses, rad and m."""
 
@@ -29,10 +30,12 @@ class Update:
 
     Attributes:
         seconds: since the start of the drive.
+        regular: whether it is one of those that are spread evenly over the drive.
         graph: the keyframes and the surfaces mapped so far, with the truth of all.
     """
 
     seconds: float
+    regular: bool
     graph: SGraph
 
 
@@ -60,7 +63,7 @@ class Trial:
 
     @cached_property
     def dead_reckoned(self) -> SGraph:
-        """Keyframes where odometry alone puts them, and every observed surface as seen from there."""
+        """Keyframes where odometry alone puts them, and observed surfaces as seen from there."""
         rows = self.recording.dead_reckoned()
         graph = SGraph(self.recording.name)
         graph.extend_keyframes(np.arange(len(rows)), rows, self.recording.stamps)
@@ -99,20 +102,29 @@ class Trial:
         return graph.wall_surfaces.ordered()
 
     @cached_property
+    def free_outlines(self) -> list[list[FloatArray]]:
+        """What each keyframe shows to be free, for :func:`free_space_rooms`."""
+        return free_outlines(self.recording.scans)
+
+    @cached_property
     def updates(self) -> list[Update]:
-        """The map every few keyframes, as the front end had it then."""
-        recording, updates = self.recording, []
-        poses = from_rows(recording.reference[:1])
-        mapper = Mapper(poses[0], Gate())
+        """The map as the front end had it at some keyframes.
+
+        These are the first 20, when a first room may be found, and 20 that are spread evenly.
+        """
+        recording = self.recording
+        regular = set(np.linspace(0, len(recording) - 1, REGULAR_UPDATES).round().tolist())
+        mapper = Mapper(from_rows(recording.reference[:1])[0], Gate())
+        updates = []
         for number, observed in enumerate(recording.observations):
             if number == 0:
                 mapper.add(observed)
             else:
                 motion = recording.odometry[number - 1], recording.odometry_sigmas[number - 1]
                 mapper.add(observed, *motion)
-            if number % KEYFRAMES_PER_UPDATE == 0 or number == len(recording) - 1:
+            if number < FIRST_UPDATES or number in regular:
                 seconds = float(recording.stamps[number] - recording.stamps[0])
-                updates.append(Update(seconds, self._so_far(mapper)))
+                updates.append(Update(seconds, number in regular, self._so_far(mapper)))
         return updates
 
     def _so_far(self, mapper: Mapper) -> SGraph:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from sgraph_concepts.types import FloatArray
 from sgraph_core.api import infer_and_optimize
 from sgraph_core.backend import optimize
 from sgraph_core.detector import Detector
@@ -45,7 +44,7 @@ class Detectors:
 
 
 Solve = Callable[[Trial, Detectors], SGraph]
-Detect = Callable[[SGraph, Sequence[FloatArray], Detectors], SGraph]
+Detect = Callable[[SGraph, Trial, Detectors], SGraph]
 
 
 @dataclass(frozen=True)
@@ -57,6 +56,7 @@ class Variant:
         solve: returns a drive's solved S-Graph, with the concepts that describe it in the end.
         detect: returns a map with its concepts, as the method finds them while the map grows.
         concepts: that are scored.
+        papers: whether the paper's detector is the one that it uses.
         needs_truth: whether it only runs where true rooms and walls are known.
     """
 
@@ -64,6 +64,7 @@ class Variant:
     solve: Solve
     detect: Detect | None = None
     concepts: tuple[str, ...] = ()
+    papers: bool = False
     needs_truth: bool = False
 
 
@@ -76,14 +77,14 @@ def _planes_only(trial: Trial, _detectors: Detectors) -> SGraph:
 
 
 def _free_space(trial: Trial, detectors: Detectors) -> SGraph:
-    found = _detect_free_space(trial.straightened, trial.recording.scans, detectors)
+    found = _detect_free_space(trial.straightened, trial, detectors)
     solved = optimize(found, {"room": "published"}).graph
-    return _detect_free_space(solved, trial.recording.scans, detectors)
+    return _detect_free_space(solved, trial, detectors)
 
 
-def _detect_free_space(graph: SGraph, scans: Sequence[FloatArray], _detectors: Detectors) -> SGraph:
+def _detect_free_space(graph: SGraph, trial: Trial, _detectors: Detectors) -> SGraph:
     found = graph.copy()
-    found.concepts = {"room": free_space_rooms(graph, scans)}
+    found.concepts = {"room": free_space_rooms(graph, trial.free_outlines)}
     return found
 
 
@@ -93,7 +94,7 @@ def _paper(concepts: tuple[str, ...]) -> tuple[Solve, Detect]:
     def solve(trial: Trial, detectors: Detectors) -> SGraph:
         return infer_and_optimize(trial.mapped.graph, detectors.paper, concepts, published)[0]
 
-    def detect(graph: SGraph, _scans: Sequence[FloatArray], detectors: Detectors) -> SGraph:
+    def detect(graph: SGraph, _trial: Trial, detectors: Detectors) -> SGraph:
         return detectors.paper.infer(graph, concepts)
 
     return solve, detect
@@ -103,7 +104,7 @@ def _ours(concepts: tuple[str, ...]) -> tuple[Solve, Detect]:
     def solve(trial: Trial, detectors: Detectors) -> SGraph:
         return infer_and_optimize(trial.mapped.graph, detectors.ours, concepts)[0]
 
-    def detect(graph: SGraph, _scans: Sequence[FloatArray], detectors: Detectors) -> SGraph:
+    def detect(graph: SGraph, _trial: Trial, detectors: Detectors) -> SGraph:
         return detectors.ours.infer(graph, concepts)
 
     return solve, detect
@@ -135,8 +136,8 @@ VARIANTS: Mapping[str, Variant] = {
         Variant("odometry", _odometry),
         Variant(BASELINE, _planes_only),
         Variant("free space", _free_space, _detect_free_space, ("room",)),
-        Variant("paper, rooms", *_paper(("room",)), ("room",)),
-        Variant("paper, rooms + walls", *_paper(BOTH), BOTH),
+        Variant("paper, rooms", *_paper(("room",)), ("room",), papers=True),
+        Variant("paper, rooms + walls", *_paper(BOTH), BOTH, papers=True),
         Variant("ours, rooms", *_ours(("room",)), ("room",)),
         Variant("ours, rooms + walls", *_ours(BOTH), BOTH),
         Variant("ours, corrupted", _corrupted, needs_truth=True),
