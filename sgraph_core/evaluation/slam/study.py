@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import hashlib
+import importlib
+import importlib.metadata
+import json
 import multiprocessing
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import cache
 from pathlib import Path
 
+from sgraph_concepts.errors import OptimizationError
+from sgraph_core.concepts import installed
 from sgraph_core.evaluation.scores import score_floor
 from sgraph_core.evaluation.slam.drives import Drive
 from sgraph_core.evaluation.slam.growth import watch
@@ -18,7 +24,10 @@ from sgraph_core.evaluation.slam.trial import Trial
 from sgraph_core.evaluation.slam.variants import VARIANTS, Detectors, Variant
 from sgraph_core.training.samples import Progress
 
-__all__ = ["measure", "run_study"]
+__all__ = ["measure", "run_study", "settings"]
+
+PARTS = (".py", ".onnx", ".json")
+"""Of a package: files that results may depend on."""
 
 
 def run_study(
@@ -42,9 +51,13 @@ def run_study(
 
     Raises:
         MissingExtraError: evo is not installed.
-        SGraphError: a drive cannot be read or a map not be solved.
+        WeightsError: the paper's weights cannot be used.
+        InputError: a log cannot be read, or a result in the store is damaged.
+        OptimizationError: a map cannot be solved; the text says which.
     """
     require_evo()
+    if paper_weights is not None:
+        _ = _detectors(paper_weights).paper.network  # weights that cannot be used end it here
     wanted = [
         (drive, seed, [v.name for v in VARIANTS.values() if drive.has_truth or not v.needs_truth])
         for drive in drives
@@ -64,6 +77,33 @@ def run_study(
         progress("driving", done, total)
     found = (store.get(d.key, seed, name) for d, seed, names in wanted for name in names)
     return [result for result in found if result is not None]
+
+
+def settings(paper_weights: Path | None = None) -> str:
+    """Return as JSON what results depend on besides drive, seed and method."""
+    plugins = {concept.package.partition(".")[0] for concept in installed() if concept.package}
+    packages = sorted({"sgraph_core", *plugins})
+    weights = [] if paper_weights is None else sorted(paper_weights.glob("*.onnx"))
+    record = {
+        "version": importlib.metadata.version("sgraph-concepts"),
+        "code": _digest(
+            file for name in sorted({"sgraph_core", *packages}) for file in _parts(name)
+        ),
+        "paper_weights": _digest(weights) if weights else None,
+    }
+    return json.dumps(record, indent=1) + "\n"
+
+
+def _parts(package: str) -> list[Path]:
+    files = Path(str(importlib.import_module(package).__file__)).parent.rglob("*")
+    return sorted(file for file in files if file.suffix in PARTS)
+
+
+def _digest(files: Iterable[Path]) -> str:
+    digest = hashlib.sha256()
+    for file in files:
+        digest.update(file.read_bytes())
+    return digest.hexdigest()[:12]
 
 
 Task = tuple[Drive, int, list[str]]
@@ -92,7 +132,13 @@ def _run_task(
 ) -> list[Result]:
     trial = drive.trial(seed)
     detectors = _detectors(paper_weights)
-    return [measure(trial, VARIANTS[name], detectors) for name in names]
+    results = []
+    for name in names:
+        try:
+            results.append(measure(trial, VARIANTS[name], detectors))
+        except OptimizationError as error:
+            raise OptimizationError(f"{drive.name}, seed {seed}, {name}: {error}") from error
+    return results
 
 
 def measure(trial: Trial, variant: Variant, detectors: Detectors) -> Result:

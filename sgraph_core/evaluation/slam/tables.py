@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -11,8 +13,9 @@ from sgraph_core.evaluation.scores import Counts
 from sgraph_core.evaluation.slam.results import Result
 from sgraph_core.evaluation.slam.statistics import Paired, compare, spread
 from sgraph_core.evaluation.slam.variants import BASELINE, VARIANTS
+from sgraph_core.files import write_whole
 
-__all__ = ["PAPER", "Table", "paired", "tables"]
+__all__ = ["PAPER", "Table", "paired", "tables", "write_json"]
 
 PAPER: Mapping[str, Mapping[str, str]] = {
     "ate_m": {"free space": "3.09", "paper, rooms": "2.93", "paper, rooms + walls": "2.88"},
@@ -93,6 +96,21 @@ def paired(results: Sequence[Result]) -> dict[tuple[str, str], Paired]:
             own = [ate[drive, variant, seed] for seed in seeds]
             comparisons[drive, variant] = compare(own, [ate[drive, BASELINE, s] for s in seeds])
     return comparisons
+
+
+def write_json(results: Sequence[Result], path: Path) -> None:
+    """Write all results, how they compare with planes only, and the paper's own figures."""
+    comparisons = [
+        {"drive": drive, "variant": variant, **asdict(comparison)}
+        for (drive, variant), comparison in paired(results).items()
+    ]
+    record = {
+        "results": [result.model_dump() for result in results],
+        "ate_to_planes_only": comparisons,
+        "the_papers_own": PAPER,
+    }
+    text = json.dumps(record, indent=1) + "\n"
+    write_whole(path, lambda temporary: temporary.write_text(text))
 
 
 def _table(results: Sequence[Result], quantity: _Quantity, paper: bool) -> Table:
