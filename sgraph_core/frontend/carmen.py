@@ -6,10 +6,10 @@ Read are the messages ``FLASER`` (the old format) and ``ROBOTLASER1``:
     ROBOTLASER1 type start fov step max accuracy remission n r_1 .. r_n m e_1 .. e_m
         laser_x laser_y laser_theta x y theta tv rv ... time host logger_time
 
-The pose taken is that of the laser: ``x y theta`` of FLASER, where the robot is taken to be where
-its laser is, and ``laser_x laser_y laser_theta`` of ROBOTLASER1. In the logs that are handed around,
-a mapping program has corrected these poses, so they are the reference. Their odometry is corrected
-too, or lies in other messages of unknown quality: it is drawn by :mod:`.odometry` instead.
+The pose taken is that of the laser: ``x y theta`` of FLASER, ``laser_x laser_y laser_theta`` of
+ROBOTLASER1. In the logs that are handed around, a mapping program has corrected these poses, so
+they are the reference. Their odometry is often corrected too, so it is drawn by
+:mod:`.odometry` instead.
 
 A FLASER scan looks ahead over 180 degrees (with 401 ranges over 100 degrees) from right to left;
 its steps are n, or n - 1 where n is odd. ROBOTLASER1 says where its beams go.

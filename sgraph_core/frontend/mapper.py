@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import gtsam
 import numpy as np
 
 from sgraph_concepts.types import FloatArray, IntArray
 from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.low_layers import PRIOR_SIGMA, pose3
-from sgraph_core.frontend.association import NONE, Gate, Lines, matches, seen_from_pose
+from sgraph_core.frontend.association import (
+    NONE,
+    Gate,
+    Lines,
+    aligned,
+    matches,
+    seen_from_pose,
+)
 from sgraph_core.frontend.planar import as_rows, composed, from_rows, rotated
 from sgraph_core.frontend.recording import ObservedSurfaces, Recording
 from sgraph_core.geometry import dot
@@ -18,6 +27,8 @@ __all__ = ["Mapper"]
 
 RELINEARIZE = 0.02
 """A variable that has changed by more than this, in rad and m, is linearised anew."""
+WIDER = 2.0
+"""By which the gate is wider as long as a pose is only predicted."""
 
 
 class Mapper:
@@ -68,6 +79,8 @@ class Mapper:
         """Add a keyframe: what it observed and, but for the first, the motion to it with sigmas."""
         factors, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         pose = self._add_pose(odometry, sigmas, factors, values)
+        if sigmas is not None:
+            pose = self._aligned(pose, sigmas, observed)
         seen = seen_from_pose(observed, pose)
         surfaces = matches(seen, self.surfaces(), self._gate)
         new = np.flatnonzero(surfaces == NONE)
@@ -86,6 +99,14 @@ class Mapper:
     def surfaces(self) -> Lines:
         """Return the mapped surfaces by the current estimate."""
         return Lines(self._projected(self._ends_in_world()), self._planes[:, :2])
+
+    def _aligned(
+        self, pose: FloatArray, sigmas: FloatArray, observed: ObservedSurfaces
+    ) -> FloatArray:
+        """Return a pose predicted by odometry, corrected by what a wider gate finds again."""
+        known, wide = self.surfaces(), replace(self._gate, offset_m=WIDER * self._gate.offset_m)
+        matched = matches(seen_from_pose(observed, pose), known, wide)
+        return aligned(pose, sigmas[[3, 4, 2]], observed, known, matched)
 
     def _add_pose(
         self,

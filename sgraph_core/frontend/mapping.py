@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sgraph_concepts.types import FloatArray, IntArray
-from sgraph_core.frontend.association import GATE, Gate
+from sgraph_core.frontend.association import GATE, NONE, Gate, Lines
 from sgraph_core.frontend.mapper import Mapper
 from sgraph_core.frontend.planar import as_rows
 from sgraph_core.frontend.recording import Recording
@@ -20,6 +20,9 @@ from sgraph_core.frontend.truth import observed_sources, surface_sources, truth_
 from sgraph_core.graph import SGraph
 
 __all__ = ["MappedDrive", "build_map"]
+
+FEWEST_KEYFRAMES = 2
+"""That saw a surface of the map."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,35 +45,56 @@ class MappedDrive:
 def build_map(recording: Recording, gate: Gate = GATE) -> MappedDrive:
     """Map a recording; the same recording gives the same map.
 
+    Surfaces that a single keyframe saw are left out: they tell nothing of the trajectory, and most
+    are clutter.
+
     Raises:
         InputError: the recording holds numbers that break an S-Graph's rules.
     """
     mapper = Mapper.run(recording, gate)
-    graph = _graph(recording, mapper)
-    seen = observed_sources(recording, gate)
-    sources = surface_sources(mapper.associations, seen, len(graph.wall_surfaces.ids))
-    graph.truth = truth_of_map(recording, mapper.associations, sources)
-    return MappedDrive(graph, sources)
+    surfaces, associations = _seen_again(mapper)
+    graph = _graph(recording, mapper.poses, surfaces, associations)
+    sources = observed_sources(recording, gate)
+    true = surface_sources(associations, sources, len(surfaces))
+    graph.truth = truth_of_map(recording, associations, sources, true)
+    return MappedDrive(graph, true)
 
 
-def _graph(recording: Recording, mapper: Mapper) -> SGraph:
+def _seen_again(mapper: Mapper) -> tuple[Lines, list[IntArray]]:
+    """Return the surfaces that two or more keyframes saw, and the associations with these."""
+    surfaces = mapper.surfaces()
+    keyframes = np.zeros(len(surfaces), np.int64)
+    for seen in mapper.associations:
+        keyframes[np.unique(seen)] += 1
+    kept = keyframes >= FEWEST_KEYFRAMES
+    numbers = np.where(kept, np.cumsum(kept) - 1, NONE)
+    lines = Lines(surfaces.segments[kept], surfaces.normals[kept])
+    return lines, [numbers[seen] for seen in mapper.associations]
+
+
+def _graph(
+    recording: Recording, poses: FloatArray, surfaces: Lines, associations: list[IntArray]
+) -> SGraph:
     graph = SGraph(recording.name)
-    keyframes = np.arange(len(recording))
-    graph.extend_keyframes(keyframes, as_rows(mapper.poses), recording.stamps)
+    keyframes, observed = np.arange(len(recording)), recording.observations
+    graph.extend_keyframes(keyframes, as_rows(poses), recording.stamps)
     graph.extend_odometry(
         keyframes[:-1], keyframes[1:], recording.odometry, recording.odometry_sigmas
     )
-    surfaces, observed = mapper.surfaces(), recording.observations
-    mapped = np.concatenate(mapper.associations)
-    heights = _heights(np.concatenate([o.heights for o in observed]), mapped, len(surfaces))
+    mapped = np.concatenate(associations)
+    kept = mapped != NONE
+    heights = np.concatenate([o.heights for o in observed])[kept]
     graph.extend_wall_surfaces(
-        np.arange(len(surfaces)), surfaces.segments, surfaces.normals, heights
+        np.arange(len(surfaces)),
+        surfaces.segments,
+        surfaces.normals,
+        _heights(heights, mapped[kept], len(surfaces)),
     )
     graph.extend_observations(
-        mapped,
-        np.repeat(keyframes, [len(o) for o in observed]),
-        np.concatenate([o.planes for o in observed]),
-        np.concatenate([o.sigmas for o in observed]),
+        mapped[kept],
+        np.repeat(keyframes, [len(o) for o in observed])[kept],
+        np.concatenate([o.planes for o in observed])[kept],
+        np.concatenate([o.sigmas for o in observed])[kept],
     )
     return graph
 

@@ -15,6 +15,7 @@ from sgraph_core.frontend.surfaces import (
     Extraction,
     extract_surfaces,
     horizontal_scan,
+    uneven,
     upright_scan,
 )
 
@@ -43,6 +44,7 @@ def simulate(
     odometry, sigmas = drifting_odometry(poses, drift, rng)
     panels = floor.panels()
     clouds = [cast(lidar, panels, pose, rng) for pose in poses]
+    observed = [extract_surfaces(upright_scan(cloud, extraction), extraction) for cloud in clouds]
     return Recording(
         name=floor.name,
         stamps=np.arange(len(poses)) * KEYFRAME_M / SPEED_M_S,
@@ -50,8 +52,6 @@ def simulate(
         odometry_sigmas=sigmas,
         reference=as_rows(poses),
         scans=tuple(horizontal_scan(cloud) for cloud in clouds),
-        observations=tuple(
-            extract_surfaces(upright_scan(cloud, extraction), extraction) for cloud in clouds
-        ),
+        observations=tuple(uneven(surfaces, extraction, rng) for surfaces in observed),
         building=floor.truth(),
     )

@@ -13,10 +13,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.random import Generator
 
 from sgraph_concepts.types import FloatArray
 from sgraph_core.frontend.lidar import Cloud
+from sgraph_core.frontend.planar import rotated
 from sgraph_core.frontend.recording import ObservedSurfaces
+from sgraph_core.geometry import dot
 
 __all__ = [
     "EXTRACTION",
@@ -39,7 +42,9 @@ class Extraction:
         shortest_m: length of a surface.
         noise_m: least standard deviation of a point across a surface; more where points scatter
             more. Of an average over rings, it is the ranges' over the root of their number.
-        least_sigmas: of the angle (rad) and the offset (m) of a plane: walls are not ideal planes.
+        uneven_m: how far each end of a stretch of wall departs from the wall's plane, as a
+            standard deviation.
+        least_angle: standard deviation of a normal's direction however long the stretch, in rad.
         agree_m: horizontal distances in a column of rings that agree within this are of one
             vertical surface: 3.5 standard deviations of the difference of two ranges of a VLP-16.
         fewest_rings: that must agree.
@@ -50,9 +55,15 @@ class Extraction:
     fewest_points: int = 8
     shortest_m: float = 0.5
     noise_m: float = 0.01
-    least_sigmas: tuple[float, float] = (0.005, 0.01)
+    uneven_m: float = 0.015
+    least_angle: float = 0.005
     agree_m: float = 0.15
     fewest_rings: int = 3
+
+    def wall_sigmas(self, length_m: FloatArray | float) -> tuple[FloatArray, FloatArray]:
+        """Return how far a stretch of wall departs from its plane: in angle, and in its middle."""
+        angle = np.hypot(np.sqrt(2) * self.uneven_m / np.asarray(length_m), self.least_angle)
+        return angle, np.full_like(angle, self.uneven_m / np.sqrt(2))
 
 
 EXTRACTION = Extraction()
@@ -204,9 +215,10 @@ class _Fit:
 def _fit(scan: Scan, run: Run, config: Extraction) -> _Fit | None:
     """Fit a plane to a run; None if it is too short, too few points, or passes the sensor.
 
-    With standard deviation s of a point across the line, P points and the moment m of their
-    positions t along it about their centre, var(angle) = s^2 / m and, the sensor being l away from
-    the centre along the line, var(d) = s^2 / P + l^2 var(angle).
+    With standard deviation s of a point across the line, P points, the moment m of their positions
+    along it about their centre, and the wall's own sigmas a and o, var(angle) = s^2 / m + a^2 and,
+    the sensor being l away from the centre along the line,
+    var(d) = s^2 / P + o^2 + l^2 var(angle).
     """
     points = scan.points[run[0] : run[1]]
     kept = _without_ends(points, config)
@@ -221,12 +233,13 @@ def _fit(scan: Scan, run: Run, config: Extraction) -> _Fit | None:
     if offset < 0:
         normal, offset = -normal, -offset
     noise = max(config.noise_m, float(np.sqrt(max(scatter, 0.0) / (len(points) - 2))))
-    angle = noise / np.sqrt(moment)
-    distance = np.sqrt(noise**2 / len(points) + (along @ centre) ** 2 * angle**2)
+    wall_angle, wall_offset = config.wall_sigmas(np.ptp(reach))
+    angle = np.hypot(noise / np.sqrt(moment), wall_angle)
+    middle = np.hypot(noise / np.sqrt(len(points)), wall_offset)
     return _Fit(
         segment=centre + np.outer([reach.min(), reach.max()], along),
         plane=np.array([*normal, 0.0, offset]),
-        sigmas=np.hypot([angle, distance], config.least_sigmas),
+        sigmas=np.array([angle, np.hypot(middle, (along @ centre) * angle)]),
         heights=np.array([heights[:, 0].min(), heights[:, 1].max()]),
     )
 
@@ -241,3 +254,23 @@ def _without_ends(points: FloatArray, config: Extraction) -> FloatArray:
         noise = max(config.noise_m, float(np.sqrt(max(scatter, 0.0) / kept.sum())))
         kept = np.abs((points - centre) @ normal) <= 2.5 * noise
     return kept
+
+
+def uneven(observed: ObservedSurfaces, config: Extraction, rng: Generator) -> ObservedSurfaces:
+    """Return observed surfaces as walls that are not ideal planes would show them.
+
+    Every observation is turned about its middle and shifted by normal draws of the walls' own
+    sigmas (:meth:`Extraction.wall_sigmas`).
+    """
+    middles = observed.segments.mean(axis=1)
+    lengths = np.linalg.norm(observed.segments[:, 1] - observed.segments[:, 0], axis=1)
+    angle, shift = (rng.normal(0, sigma) for sigma in config.wall_sigmas(lengths))
+    normals = rotated(observed.planes[:, :2], angle)
+    offsets = -dot(normals, middles) + shift
+    kept = offsets > 0
+    arms = rotated(observed.segments - middles[:, None], angle[:, None])
+    segments = (middles - shift[:, None] * normals)[:, None] + arms
+    planes = np.column_stack([normals, np.zeros(len(normals)), offsets])
+    return ObservedSurfaces(
+        segments[kept], planes[kept], observed.sigmas[kept], observed.heights[kept]
+    )
