@@ -52,7 +52,8 @@ def align(graph: SGraph, reference: FloatArray) -> Alignment:
         reference: pose of each as x, y, z, qx, qy, qz, qw, [K, 7].
 
     Raises:
-        InputError: there are fewer than three keyframes, or not as many reference poses.
+        InputError: there are fewer than three keyframes, not as many reference poses, or they lie
+            on one line.
         MissingExtraError: evo is not installed.
     """
     poses = graph.keyframes.poses
@@ -62,6 +63,7 @@ def align(graph: SGraph, reference: FloatArray) -> Alignment:
             f"need as many of both, and {FEWEST_POSES} or more"
         )
     require_evo()
+    from evo.core.geometry import GeometryException
     from evo.core.metrics import APE, PoseRelation, StatisticsType
     from evo.core.trajectory import PosePath3D
 
@@ -69,7 +71,10 @@ def align(graph: SGraph, reference: FloatArray) -> Alignment:
         return PosePath3D(rows[:, :3], np.roll(rows[:, 3:], 1, axis=1))  # evo: w first
 
     true, estimate = path(reference), path(poses)
-    rotation, translation, _ = estimate.align(true)
+    try:
+        rotation, translation, _ = estimate.align(true)
+    except GeometryException as error:
+        raise InputError(f"the trajectories cannot be aligned: {error}") from error
     error = APE(PoseRelation.translation_part)
     error.process_data((true, estimate))
     return Alignment(rotation, translation, float(error.get_statistic(StatisticsType.rmse)))

@@ -72,6 +72,11 @@ class Store:
     def get(self, drive: str, seed: int, variant: str) -> Result | None:
         """Return a result, if it is there.
 
+        Args:
+            drive: the drive's key.
+            seed: of the drive.
+            variant: the method.
+
         Raises:
             InputError: its file is damaged.
         """
@@ -83,9 +88,9 @@ class Store:
         except ValidationError as error:
             raise InputError(f"{file}: is no result of this benchmark: remove it") from error
 
-    def put(self, result: Result) -> None:
+    def put(self, drive: str, result: Result) -> None:
         """Write a result, whole."""
-        file = self._file(result.drive, result.seed, result.variant)
+        file = self._file(drive, result.seed, result.variant)
         file.parent.mkdir(parents=True, exist_ok=True)
         text = result.model_dump_json(indent=1) + "\n"
         write_whole(file, lambda temporary: temporary.write_text(text))

@@ -31,7 +31,7 @@ class Paired:
 
 @dataclass(frozen=True)
 class Spread:
-    """Mean and standard deviation (of the sample) over drives; NaN where there are too few."""
+    """Mean and standard deviation (of the sample) over drives; the latter NaN for one drive."""
 
     mean: float
     deviation: float
@@ -49,8 +49,6 @@ def compare(errors: Sequence[float], baseline: Sequence[float]) -> Paired:
 
 
 def spread(values: Sequence[float]) -> Spread:
-    """Return mean and spread of values, those that are NaN left out."""
-    known = np.asarray(values, np.float64)
-    known = known[~np.isnan(known)]
-    mean = float(known.mean()) if len(known) else float("nan")
-    return Spread(mean, float(known.std(ddof=1)) if len(known) > 1 else float("nan"))
+    """Return mean and spread of one value or more."""
+    deviation = float(np.std(values, ddof=1)) if len(values) > 1 else float("nan")
+    return Spread(float(np.mean(values)), deviation)

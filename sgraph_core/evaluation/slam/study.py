@@ -8,7 +8,7 @@ import importlib.metadata
 import json
 import multiprocessing
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import cache
 from pathlib import Path
@@ -22,10 +22,11 @@ from sgraph_core.evaluation.slam.metrics import align, map_rmse, require_evo
 from sgraph_core.evaluation.slam.results import Result, Store
 from sgraph_core.evaluation.slam.trial import Trial
 from sgraph_core.evaluation.slam.variants import VARIANTS, Detectors, Variant
-from sgraph_core.training.samples import Progress
 
 __all__ = ["measure", "run_study", "settings"]
 
+Progress = Callable[[str, int, int], object]
+"""Told what is being done, how much of it is done, and how much there is."""
 PARTS = (".py", ".onnx", ".json")
 """Of a package: files that results may depend on."""
 
@@ -70,9 +71,9 @@ def run_study(
             todo.append((drive, seed, missing))
     total = sum(len(names) for *_, names in wanted)
     done = total - sum(len(names) for *_, names in todo)
-    for results in _in_parallel(todo, paper_weights):
+    for drive, results in _in_parallel(todo, paper_weights):
         for result in results:
-            store.put(result)
+            store.put(drive.key, result)
         done += len(results)
         progress("driving", done, total)
     found = (store.get(d.key, seed, name) for d, seed, names in wanted for name in names)
@@ -107,18 +108,20 @@ def _digest(files: Iterable[Path]) -> str:
 
 
 Task = tuple[Drive, int, list[str]]
+"""A drive, its seed, and the methods that are missing."""
+Finished = tuple[Drive, list[Result]]
 
 
-def _in_parallel(tasks: Sequence[Task], paper_weights: Path | None) -> Iterator[list[Result]]:
+def _in_parallel(tasks: Sequence[Task], paper_weights: Path | None) -> Iterator[Finished]:
     if not tasks:
         return
     context = multiprocessing.get_context("spawn")  # forking a process that runs threads may hang
     workers = min(os.cpu_count() or 1, len(tasks))
     with ProcessPoolExecutor(workers, mp_context=context) as pool:
-        futures = [pool.submit(_run_task, *task, paper_weights) for task in tasks]
+        futures = {pool.submit(_run_task, *task, paper_weights): task[0] for task in tasks}
         try:
             for future in as_completed(futures):
-                yield future.result()
+                yield futures[future], future.result()
         except BaseException:
             pool.shutdown(cancel_futures=True)  # or what is left would be driven first
             raise
