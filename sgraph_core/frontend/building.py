@@ -114,7 +114,7 @@ class Floor:
             ends
             for door in self.doors
             for corners in [self._doorway(door, 0.0)]
-            for ends in (corners[:2], corners[2:])
+            for ends in (corners[1::-1], corners[:1:-1])
         ]
         sides = [_sides(furniture) for furniture in self.furniture]
         heights = [

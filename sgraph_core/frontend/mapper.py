@@ -52,6 +52,7 @@ class Mapper:
         self._first_pose = first_pose
         self.poses = np.empty((0, 3))
         self.associations: list[IntArray] = []
+        self._surface_keys: list[int] = []
         self._planes = np.empty((0, 3))
         self._ends = np.empty((0, 2, 2))
         self._last_seen = np.empty(0, np.int64)
@@ -90,6 +91,7 @@ class Mapper:
         for row in new.tolist():
             nx, ny, d = planes[row].tolist()
             key = self._keys.surface(int(surfaces[row]))
+            self._surface_keys.append(key)
             values.insert(key, gtsam.OrientedPlane3(nx, ny, 0.0, d))
         self._add_observations(observed, surfaces, factors)
         self._isam.update(factors, values)
@@ -138,7 +140,7 @@ class Mapper:
             surfaces.tolist(), observed.planes, observed.sigmas.tolist(), strict=True
         ):
             noise = gtsam.noiseModel.Diagonal.Sigmas(np.array([angle, angle, offset]))
-            key = self._keys.surface(surface)
+            key = self._surface_keys[surface]
             factors.add(gtsam.OrientedPlane3Factor(plane, noise, keyframe, key))
         self.associations.append(surfaces)
 
@@ -175,6 +177,8 @@ class Mapper:
         estimate = self._isam.calculateEstimate()
         rows = gtsam.utilities.extractPose3(estimate)  # ordered by key: rotation, then position
         self.poses = np.column_stack([rows[:, 9:11], np.arctan2(rows[:, 3], rows[:, 0])])
-        for surface in range(len(self._planes)):
-            plane = estimate.atOrientedPlane3(self._keys.surface(surface)).planeCoefficients()
-            self._planes[surface] = plane[[0, 1, 3]] / np.linalg.norm(plane[:2])
+        planes = np.array(
+            [estimate.atOrientedPlane3(key).planeCoefficients() for key in self._surface_keys]
+        ).reshape(-1, 4)
+        sizes = np.linalg.norm(planes[:, :2], axis=1)
+        self._planes = planes[:, [0, 1, 3]] / sizes[:, None]

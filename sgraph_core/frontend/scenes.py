@@ -1,9 +1,10 @@
 """The scenes of the paper's Table I, rebuilt from their descriptions as data.
 
 The paper gives how many square, L-shaped and elongated rooms and corridors each scene has, and
-nothing more. Assumed here: sides of rooms of 4 to 7 m, corridors 2 m wide, walls of 10 to 30
-cm that differ within a scene, doors 0.9 m wide and open, a ceiling at 2.6 m, lintels at 2.1 m. Rooms are
-arranged so that a tour passes rooms and corridors more than once, by different doors.
+nothing more. Assumed here: sides of rooms of 4 to 7 m, corridors 2 m wide, walls of 10 to 30 cm
+that differ within a scene, doors 0.9 m wide and open, a ceiling at 2.6 m, lintels at 2.1 m, some
+furniture in the layouts like real ones. Rooms are arranged so that a tour passes rooms and
+corridors more than once, by different doors.
 """
 
 from __future__ import annotations

@@ -128,7 +128,7 @@ def upright_scan(cloud: Cloud, config: Extraction) -> Scan:
 
 def extract_surfaces(scan: Scan, config: Extraction) -> ObservedSurfaces:
     """Return the wall surfaces that a scan shows."""
-    scan = _from_a_jump(scan)
+    scan = _opened(scan, config)
     rows = [
         run
         for chain in _chains(scan.points, config)
@@ -147,12 +147,14 @@ Run = tuple[int, int]
 """Rows of a scan from the first to before the last."""
 
 
-def _from_a_jump(scan: Scan) -> Scan:
-    """Return a full turn begun at its widest jump, so that no surface is cut at the seam."""
+def _opened(scan: Scan, config: Extraction) -> Scan:
+    """Return a full turn begun where no surface is cut: at its widest jump, else in a corner."""
     if not scan.closed or len(scan.points) < 2:
         return scan
     steps = np.linalg.norm(scan.points - np.roll(scan.points, 1, axis=0), axis=1)
     start = int(np.argmax(steps))
+    if steps[start] <= config.jump_m:
+        start = int(np.argmax(np.linalg.norm(scan.points, axis=1)))
     return Scan(np.roll(scan.points, -start, axis=0), np.roll(scan.heights, -start, axis=0), False)
 
 
