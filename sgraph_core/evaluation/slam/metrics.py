@@ -75,9 +75,9 @@ def align(graph: SGraph, reference: FloatArray) -> Alignment:
         rotation, translation, _ = estimate.align(true)
     except GeometryException as error:
         raise InputError(f"the trajectories cannot be aligned: {error}") from error
-    error = APE(PoseRelation.translation_part)
-    error.process_data((true, estimate))
-    return Alignment(rotation, translation, float(error.get_statistic(StatisticsType.rmse)))
+    ape = APE(PoseRelation.translation_part)
+    ape.process_data((true, estimate))
+    return Alignment(rotation, translation, float(ape.get_statistic(StatisticsType.rmse)))
 
 
 def map_rmse(graph: SGraph, reference: SurfaceArrays, alignment: Alignment) -> float:
@@ -103,7 +103,7 @@ def map_rmse(graph: SGraph, reference: SurfaceArrays, alignment: Alignment) -> f
     squares = []
     for segment, normal in zip(surfaces.segments, surfaces.normals, strict=True):
         count = max(2, round(np.linalg.norm(segment[1] - segment[0]) / POINT_SPACING_M) + 1)
-        points = np.linspace(*segment, int(count)) @ turn.T + shift
+        points = np.linspace(segment[0], segment[1], int(count)) @ turn.T + shift
         facing = dot(reference.normals, turn @ normal) > 0
         targets = shapely.multilinestrings(lines[facing] if facing.any() else lines)
         squares.append(shapely.distance(points_of(points), targets) ** 2)
