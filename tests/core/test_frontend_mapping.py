@@ -12,7 +12,7 @@ from scipy.stats import chi2
 from sgraph_concepts.errors import InputError
 from sgraph_core.backend import optimize
 from sgraph_core.evaluation.trajectory import ate_rmse
-from sgraph_core.frontend.association import GATE, NONE, Gate, Lines, aligned, matches
+from sgraph_core.frontend.association import NONE, Gate, Lines, aligned, matches
 from sgraph_core.frontend.carmen import read_carmen, record
 from sgraph_core.frontend.lidar import Lidar
 from sgraph_core.frontend.mapping import MappedDrive, build_map
@@ -126,6 +126,7 @@ def test_motions_lead_from_pose_to_pose() -> None:
     assert from_rows(as_rows(poses)) == pytest.approx(poses)
 
 
+LOOSE = Gate(angle_deg=10.0, offset_m=0.15, gap_m=0.1)
 WALLS = Lines(
     np.array([[[0, 0], [4, 0]], [[0, 0.12], [4, 0.12]], [[4.4, 0], [8, 0]]], float),
     np.array([[0, -1], [0, 1], [0, -1]], float),
@@ -147,15 +148,15 @@ def test_the_gate_tells_surfaces_apart(
     segment: list[list[float]], normal: list[float], match: int
 ) -> None:
     seen = Lines(np.array([segment], float), np.array([normal], float))
-    assert matches(seen, WALLS, GATE).tolist() == [match]
+    assert matches(seen, WALLS, LOOSE).tolist() == [match]
     backwards = Lines(seen.segments[:, ::-1], seen.normals)
-    assert matches(backwards, WALLS, GATE).tolist() == [match]
+    assert matches(backwards, WALLS, LOOSE).tolist() == [match]
 
 
 def test_of_two_within_the_gate_the_nearest_is_taken() -> None:
     known = Lines(WALLS.segments[[0, 0]] + [[[0, 0]], [[0, 0.1]]], WALLS.normals[[0, 0]])
     seen = Lines(np.array([[[1, 0.08], [2, 0.08]]]), np.array([[0.0, -1.0]]))
-    assert matches(seen, known, Gate()).tolist() == [1]
+    assert matches(seen, known, LOOSE).tolist() == [1]
 
 
 def test_alignment_finds_the_pose_that_surfaces_show() -> None:
