@@ -140,9 +140,9 @@ def test_tables_of_hand_made_results() -> None:
     ate = by_title("Table II:")
     assert ate.columns == ("drive", BASELINE, "ours, rooms")
     assert ate.rows == (
-        ("A", "15.0 ± 7.1", "17.5 ± 17.7"),
-        ("B", "10.0 ± 0.0", "7.5 ± 3.5"),
-        ("mean", "12.5", "12.5"),
+        ("A", "15.00 ± 7.07", "17.50 ± 17.68"),
+        ("B", "10.00 ± 0.00", "7.50 ± 3.54"),
+        ("mean", "12.50", "12.50"),
     )
     assert by_title("Figure 4").rows == (
         ("A", "0.50 / 0.50"),

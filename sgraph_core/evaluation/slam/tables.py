@@ -63,8 +63,8 @@ class _Quantity:
 
 
 QUANTITIES = (
-    _Quantity("ate_m", "Table II", "ATE RMSE [cm]", 100.0),
-    _Quantity("map_m", "Table III", "map matching accuracy, RMSE [cm]", 100.0),
+    _Quantity("ate_m", "Table II", "ATE RMSE [cm]", 100.0, 2),
+    _Quantity("map_m", "Table III", "map matching accuracy, RMSE [cm]", 100.0, 2),
     _Quantity("walls", "Table IV", "precision / recall of walls"),
     _Quantity("rooms", "Figure 4", "precision / recall of rooms"),
     _Quantity("first_room_s", "Table V", "time to the first room [s of the drive]"),
