@@ -47,7 +47,7 @@ def simulate(
     observed = [extract_surfaces(upright_scan(cloud, extraction), extraction) for cloud in clouds]
     return Recording(
         name=floor.name,
-        stamps=np.arange(len(poses)) * KEYFRAME_M / SPEED_M_S,
+        stamps=np.arange(len(poses), dtype=np.float64) * (KEYFRAME_M / SPEED_M_S),
         odometry=odometry,
         odometry_sigmas=sigmas,
         reference=as_rows(poses),
