@@ -43,11 +43,11 @@ def corrupted(graph: SGraph, registry: Registry, rng: Generator) -> SGraph:
     """Return an S-Graph in which every fifth room and every fifth wall is wrong, at least one.
 
     The rooms get the surfaces of the nearest other room beside their own. The walls get, for their
-    second side, the nearest other surface that is antiparallel to their first. The nodes stay as
-    confident as they were.
+    second side, the nearest surface that is antiparallel to their first and not its other side in
+    truth either, if there is one. The nodes stay as confident as they were.
 
     Args:
-        graph: with rooms and walls.
+        graph: with rooms and walls, and its truth if known.
         registry: the concepts.
         rng: chooses the nodes.
     """
@@ -58,7 +58,8 @@ def corrupted(graph: SGraph, registry: Registry, rng: Generator) -> SGraph:
         rooms[number] = _regrouped(graph, "room", rooms[number], members, registry)
     for number in _chosen(walls, rng):
         members = _wrong_pair(graph, walls[number])
-        walls[number] = _regrouped(graph, "wall", walls[number], members, registry)
+        if members:
+            walls[number] = _regrouped(graph, "wall", walls[number], members, registry)
     return result
 
 
@@ -77,13 +78,16 @@ def _neighbour(rooms: Sequence[ConceptNode], number: int) -> ConceptNode:
 
 
 def _wrong_pair(graph: SGraph, wall: ConceptNode) -> list[int]:
-    """Return a wall's first side and the nearest antiparallel surface that is not its second."""
+    """Return a wall's first side and the nearest antiparallel surface that is no side of it."""
     surfaces = graph.wall_surfaces.ordered()
-    first, second = (graph.surface_row(i) for i in wall.members)
+    true = () if graph.truth is None else graph.truth.walls
+    sides = {i for pair in (wall.members, *true) if wall.members[0] in pair for i in pair}
+    first = graph.surface_row(wall.members[0])
     distances = np.linalg.norm(surfaces.midpoints - surfaces.midpoints[first], axis=1)
     distances[surfaces.normals @ surfaces.normals[first] > -ANTIPARALLEL] = np.inf
-    distances[second] = np.inf
-    return [wall.members[0], int(surfaces.ids[distances.argmin()])]
+    distances[[graph.surface_row(i) for i in sides]] = np.inf
+    wrong = int(distances.argmin())
+    return [wall.members[0], int(surfaces.ids[wrong])] if np.isfinite(distances[wrong]) else []
 
 
 def _regrouped(

@@ -13,7 +13,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import cache
 from pathlib import Path
 
-from sgraph_concepts.errors import OptimizationError
+from sgraph_concepts.errors import InputError, OptimizationError
 from sgraph_core.concepts import installed
 from sgraph_core.evaluation.scores import score_floor
 from sgraph_core.evaluation.slam.drives import Drive
@@ -53,8 +53,9 @@ def run_study(
     Raises:
         MissingExtraError: evo is not installed.
         WeightsError: the paper's weights cannot be used.
-        InputError: a log cannot be read, or a result in the store is damaged.
-        OptimizationError: a map cannot be solved; the text says which.
+        InputError: a log cannot be read, a result in the store is damaged, or a trajectory cannot
+            be aligned with its reference; the text says which.
+        OptimizationError: a map cannot be solved; likewise.
     """
     require_evo()
     if paper_weights is not None:
@@ -87,9 +88,7 @@ def settings(paper_weights: Path | None = None) -> str:
     weights = [] if paper_weights is None else sorted(paper_weights.glob("*.onnx"))
     record = {
         "version": importlib.metadata.version("sgraph-concepts"),
-        "code": _digest(
-            file for name in sorted({"sgraph_core", *packages}) for file in _parts(name)
-        ),
+        "code": _digest(file for name in packages for file in _parts(name)),
         "paper_weights": _digest(weights) if weights else None,
     }
     return json.dumps(record, indent=1) + "\n"
@@ -139,8 +138,8 @@ def _run_task(
     for name in names:
         try:
             results.append(measure(trial, VARIANTS[name], detectors))
-        except OptimizationError as error:
-            raise OptimizationError(f"{drive.name}, seed {seed}, {name}: {error}") from error
+        except (InputError, OptimizationError) as error:
+            raise type(error)(f"{drive.name}, seed {seed}, {name}: {error}") from error
     return results
 
 
@@ -148,7 +147,8 @@ def measure(trial: Trial, variant: Variant, detectors: Detectors) -> Result:
     """Run one method on one drive, and score what it makes of it.
 
     Raises:
-        SGraphError: the map cannot be solved.
+        InputError: the trajectory cannot be aligned with its reference, or the map is empty.
+        OptimizationError: the map cannot be solved.
     """
     solved = variant.solve(trial, detectors)
     alignment = align(solved, trial.recording.reference)
