@@ -31,12 +31,13 @@ def described(
     """
     surfaces = graph.wall_surfaces.ordered()
     scene = Scene(surfaces, np.zeros(2), np.empty((0, 2), np.int64), np.empty(0), np.empty((0, 0)))
-    shape = registry.part(concept, "shape")
-    nodes = []
-    for number, ids in enumerate(members):
-        rows = np.array([graph.surface_row(i) for i in ids])
-        nodes.append(ConceptNode(number, tuple(ids), shape=shape(rows, scene), confidence=1.0))
-    return nodes
+    groups = dict(enumerate(map(tuple, members)))
+    rows = {number: np.array([graph.surface_row(i) for i in ids]) for number, ids in groups.items()}
+    shapes = registry.part(concept, "shape")(rows, scene)
+    return [
+        ConceptNode(number, ids, shape=shapes[number], confidence=1.0)
+        for number, ids in groups.items()
+    ]
 
 
 def corrupted(graph: SGraph, registry: Registry, rng: Generator) -> SGraph:
