@@ -47,7 +47,7 @@ def run_study(
         drives: scenes or logs.
         seeds: how many; they count from 0.
         store: keeps the results.
-        progress: told after every result.
+        progress: told at the start and after every drive.
         paper_weights: folder of a training with the paper's configuration.
 
     Raises:
@@ -72,6 +72,7 @@ def run_study(
             todo.append((drive, seed, missing))
     total = sum(len(names) for *_, names in wanted)
     done = total - sum(len(names) for *_, names in todo)
+    progress("driving", done, total)
     for drive, results in _in_parallel(todo, paper_weights):
         for result in results:
             store.put(drive.key, result)

@@ -114,8 +114,9 @@ def write_json(results: Sequence[Result], path: Path) -> None:
 
 
 def _table(results: Sequence[Result], quantity: _Quantity, paper: bool) -> Table:
-    known = [r for r in results if getattr(r, quantity.key) is not None]
-    variants = [name for name in VARIANTS if any(r.variant == name for r in known)]
+    own = PAPER.get(quantity.key, {}) if paper else {}
+    known = {r.variant for r in results if getattr(r, quantity.key) is not None}
+    variants = [name for name in VARIANTS if name in known or (known and name in own)]
     drives = list(dict.fromkeys(r.drive for r in results))
 
     def cells(cell: Callable[[list[Result]], str], drive: str | None = None) -> tuple[str, ...]:
@@ -125,11 +126,10 @@ def _table(results: Sequence[Result], quantity: _Quantity, paper: bool) -> Table
     rows = [(drive, *cells(lambda rs: _cell(rs, quantity), drive)) for drive in drives]
     if len(drives) > 1:
         rows.append(("mean", *cells(lambda rs: _mean_cell(rs, quantity))))
-    own = PAPER.get(quantity.key, {})
-    if paper and any(name in own for name in variants):
+    if known and own:
         rows.append(("the paper's own", *(own.get(name, "") for name in variants)))
     title = f"{quantity.place}: {quantity.title}" if paper else quantity.title
-    return Table(title, ("drive", *variants) if variants else ("drive",), tuple(rows))
+    return Table(title, ("drive", *variants), tuple(rows))
 
 
 def _cell(results: Sequence[Result], quantity: _Quantity) -> str:
