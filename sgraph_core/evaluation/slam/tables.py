@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -98,13 +99,14 @@ def paired(results: Sequence[Result]) -> dict[tuple[str, str], Paired]:
     return comparisons
 
 
-def write_json(results: Sequence[Result], path: Path) -> None:
-    """Write all results, how they compare with planes only, and the paper's own figures."""
+def write_json(results: Sequence[Result], settings: Mapping[str, Any], path: Path) -> None:
+    """Write settings, all results, how they compare with planes only, and the paper's figures."""
     comparisons = [
         {"drive": drive, "variant": variant, **asdict(comparison)}
         for (drive, variant), comparison in paired(results).items()
     ]
     record = {
+        "settings": settings,
         "results": [result.model_dump() for result in results],
         "ate_to_planes_only": comparisons,
         "the_papers_own": PAPER,
