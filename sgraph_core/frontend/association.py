@@ -30,8 +30,8 @@ class Gate:
         gap_m: between their ends, where they do not overlap.
     """
 
-    angle_deg: float = 10.0
-    offset_m: float = 0.15
+    angle_deg: float = 6.0
+    offset_m: float = 0.1
     gap_m: float = 0.1
 
 

@@ -144,11 +144,12 @@ class Floor:
 
     def stops(self) -> list[Point]:
         """Return the points of the tour: of each room the one that is farthest from all walls."""
-        clear = {
-            name: shapely.maximum_inscribed_circle(polygon.intersection(self.free), 0.05)
-            for name, polygon in self.polygons.items()
-        }
-        places = {name: shapely.get_coordinates(line)[0] for name, line in clear.items()}
+        places = {}
+        for name, polygon in self.polygons.items():
+            parts = polygons_in(polygon.intersection(self.free))
+            largest = max(parts, key=lambda part: part.area)
+            circle = shapely.maximum_inscribed_circle(largest, 0.05)
+            places[name] = shapely.get_coordinates(circle)[0]
         return [(float(places[room][0]), float(places[room][1])) for room in self.tour]
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.random import Generator
 
-from sgraph_concepts.types import FloatArray
+from sgraph_concepts.types import FloatArray, IntArray
 from sgraph_core.frontend.planar import rotated
 from sgraph_core.geometry import dot
 
@@ -39,8 +39,8 @@ class Panels:
 class Lidar:
     """A spinning lidar; the defaults are the Velodyne VLP-16's.
 
-    16 channels from -15 to +15 degrees and 100 m range are the data sheet's, 0.2 degrees of azimuth
-    its resolution at 10 Hz. Its "typical accuracy" of 3 cm is taken as one standard deviation.
+    16 channels from -15 to +15 degrees, 0.2 degrees of azimuth at 10 Hz, 100 m range. Its typical
+    accuracy of 3 cm is taken as one standard deviation of independent errors.
 
     Attributes:
         elevations_deg: of the rings, ascending, R of them.
@@ -111,7 +111,7 @@ def cast(lidar: Lidar, panels: Panels, pose: FloatArray, rng: Generator | None =
     return Cloud(azimuths, elevations, ranges, lidar.height_m)
 
 
-def _facing(segments: FloatArray, azimuths: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _facing(segments: FloatArray, azimuths: FloatArray) -> tuple[IntArray, IntArray]:
     """Return which panel faces the sensor in which column, as rows and columns, [P] each.
 
     A panel that faces the sensor runs counter-clockwise around it, by less than half a turn.
@@ -124,4 +124,5 @@ def _facing(segments: FloatArray, azimuths: FloatArray) -> tuple[FloatArray, Flo
     counts = np.where((widths > 1e-9) & (widths < np.pi), last - first + 1, 0).astype(np.int64)
     panel = np.repeat(np.arange(len(segments)), counts)
     within = np.arange(len(panel)) - np.repeat(np.cumsum(counts) - counts, counts)
-    return panel, (first.astype(np.int64)[panel] + within) % len(azimuths)
+    column = (first.astype(np.int64)[panel] + within) % len(azimuths)
+    return panel, column

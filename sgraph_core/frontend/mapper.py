@@ -7,6 +7,7 @@ from dataclasses import replace
 import gtsam
 import numpy as np
 
+from sgraph_concepts.errors import OptimizationError
 from sgraph_concepts.types import FloatArray, IntArray
 from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.low_layers import PRIOR_SIGMA, pose3
@@ -52,6 +53,7 @@ class Mapper:
         self._first_pose = first_pose
         self.poses = np.empty((0, 3))
         self.associations: list[IntArray] = []
+        self._surface_keys: list[int] = []
         self._planes = np.empty((0, 3))
         self._ends = np.empty((0, 2, 2))
         self._last_seen = np.empty(0, np.int64)
@@ -76,7 +78,11 @@ class Mapper:
         odometry: FloatArray | None = None,
         sigmas: FloatArray | None = None,
     ) -> None:
-        """Add a keyframe: what it observed and, but for the first, the motion to it with sigmas."""
+        """Add a keyframe: what it observed and, but for the first, the motion to it with sigmas.
+
+        Raises:
+            OptimizationError: the estimate is under-determined.
+        """
         factors, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         pose = self._add_pose(odometry, sigmas, factors, values)
         if sigmas is not None:
@@ -90,15 +96,24 @@ class Mapper:
         for row in new.tolist():
             nx, ny, d = planes[row].tolist()
             key = self._keys.surface(int(surfaces[row]))
+            self._surface_keys.append(key)
             values.insert(key, gtsam.OrientedPlane3(nx, ny, 0.0, d))
         self._add_observations(observed, surfaces, factors)
-        self._isam.update(factors, values)
+        self._update(factors, values)
         self._grow(seen, planes, surfaces, pose)
         self._read_estimate()
 
     def surfaces(self) -> Lines:
         """Return the mapped surfaces by the current estimate."""
         return Lines(self._projected(self._ends_in_world()), self._planes[:, :2])
+
+    def _update(self, factors: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> None:
+        try:
+            self._isam.update(factors, values)
+        except RuntimeError as error:
+            reason = " ".join(str(error).split())
+            number = len(self.poses) - 1
+            raise OptimizationError(f"keyframe {number} cannot be mapped: {reason}") from error
 
     def _aligned(
         self, pose: FloatArray, sigmas: FloatArray, observed: ObservedSurfaces
@@ -138,7 +153,7 @@ class Mapper:
             surfaces.tolist(), observed.planes, observed.sigmas.tolist(), strict=True
         ):
             noise = gtsam.noiseModel.Diagonal.Sigmas(np.array([angle, angle, offset]))
-            key = self._keys.surface(surface)
+            key = self._surface_keys[surface]
             factors.add(gtsam.OrientedPlane3Factor(plane, noise, keyframe, key))
         self.associations.append(surfaces)
 
@@ -175,6 +190,8 @@ class Mapper:
         estimate = self._isam.calculateEstimate()
         rows = gtsam.utilities.extractPose3(estimate)  # ordered by key: rotation, then position
         self.poses = np.column_stack([rows[:, 9:11], np.arctan2(rows[:, 3], rows[:, 0])])
-        for surface in range(len(self._planes)):
-            plane = estimate.atOrientedPlane3(self._keys.surface(surface)).planeCoefficients()
-            self._planes[surface] = plane[[0, 1, 3]] / np.linalg.norm(plane[:2])
+        planes = np.array(
+            [estimate.atOrientedPlane3(key).planeCoefficients() for key in self._surface_keys]
+        ).reshape(-1, 4)
+        sizes = np.linalg.norm(planes[:, :2], axis=1)
+        self._planes = planes[:, [0, 1, 3]] / sizes[:, None]

@@ -12,14 +12,22 @@ from shapely.geometry.base import BaseGeometry
 
 from sgraph_concepts.errors import InputError
 from sgraph_concepts.types import FloatArray
-from sgraph_core.synth.polygons import grow
+from sgraph_core.frontend.building import Point
+from sgraph_core.geometry import lines_of
+from sgraph_core.synth.polygons import grow, polygons_in
 
-__all__ = ["drive_along", "route"]
+__all__ = ["drive_along", "reachable", "route"]
 
 CLEARANCE_M = 0.3
 
 
-def route(free: BaseGeometry, stops: Sequence[tuple[float, float]]) -> FloatArray:
+def reachable(free: BaseGeometry, stops: Sequence[Point]) -> bool:
+    """Return whether a way that keeps clear of walls joins all stops."""
+    parts = polygons_in(grow(free, -CLEARANCE_M))
+    return any(shapely.covers(part, shapely.points(stops)).all() for part in parts)
+
+
+def route(free: BaseGeometry, stops: Sequence[Point]) -> FloatArray:
     """Return the corners of the shortest way from stop to stop through free space, [C, 2].
 
     The shortest way bends only at the corners of the space that is left when the robot keeps
@@ -32,7 +40,7 @@ def route(free: BaseGeometry, stops: Sequence[tuple[float, float]]) -> FloatArra
     corners = shapely.get_coordinates(clear)
     places = np.unique(np.vstack([corners, np.array(stops)]).round(6), axis=0)
     one, two = np.triu_indices(len(places), 1)
-    lines = shapely.linestrings(np.stack([places[one], places[two]], axis=1))
+    lines = lines_of(np.stack([places[one], places[two]], axis=1))
     reach = grow(clear, 1e-4)
     shapely.prepare(reach)
     seen = shapely.covers(reach, lines)

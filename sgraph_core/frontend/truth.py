@@ -103,11 +103,11 @@ def truth_of_map(
     known = np.flatnonzero(sources != NONE)
     stretches = _seen_stretches(recording, associations, sources, building.surfaces)[known]
     gaps = wall_gaps(stretches, building.surfaces.normals[sources[known]])
-    true = {frozenset(pair) for pair in building.walls.tolist()}
+    built = {frozenset(pair) for pair in building.walls.tolist()}
     walls = tuple(
         (one, two)
         for one, two in zip(known[gaps.one].tolist(), known[gaps.two].tolist(), strict=True)
-        if frozenset((int(sources[one]), int(sources[two]))) in true
+        if frozenset((int(sources[one]), int(sources[two]))) in built
     )
     return Truth(rooms, walls)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -139,10 +140,7 @@ def test_anything_is_read_or_refused(
     path = tmp_path_factory.getbasetemp() / "fuzz.log"
     for damaged in (content, flaser([1.0, 2.0, 3.0]).encode() + content):
         path.write_bytes(damaged)
-        try:
+        with suppress(InputError):
             log = read_carmen(path)
-        except InputError as error:
-            assert "\n" not in str(error)
-        else:
             assert np.isfinite(log.poses).all()
             assert all(np.isfinite(scan).all() for scan in log.scans)

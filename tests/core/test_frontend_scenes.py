@@ -114,5 +114,5 @@ def test_the_way_leads_around_furniture() -> None:
 
 
 def test_unknown_scenes_are_named() -> None:
-    with pytest.raises(InputError, match="no scene 'C9'.*SE3s"):
+    with pytest.raises(InputError, match=r"no scene .C9.: .*SE3s"):
         scene("C9")
