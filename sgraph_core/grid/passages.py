@@ -10,6 +10,8 @@ from sgraph_core.grid.strips import count_labels, has_label, strips
 
 __all__ = ["separated"]
 
+Mask = NDArray[np.bool_]
+
 LARGEST_FILLED_M2 = 0.3
 """Connected cells that are not free, up to this area, such as table legs, narrow no passage."""
 AHEAD_M = 0.3
@@ -47,26 +49,36 @@ def separated(
 
 def _spaces(grid: OccupancyGrid, clearance_m: float) -> NDArray[np.int32]:
     """Return the number of the space of each cell, 0 for none, [H, W]."""
-    from scipy.ndimage import distance_transform_edt, label
+    from scipy.ndimage import label
 
-    free = _without_blobs(grid)
-    cells = clearance_m / grid.resolution
-    clear = np.empty_like(free)
-    for rows, around in strips(free.shape, int(cells) + 1):
-        distance = distance_transform_edt(free[around])
-        clear[rows] = (distance >= cells)[rows.start - around.start :][: rows.stop - rows.start]
-    spaces, _ = label(clear)
+    spaces, _ = label(_clear(_without_blobs(grid), clearance_m / grid.resolution))
     return np.asarray(spaces)
 
 
-def _without_blobs(grid: OccupancyGrid) -> NDArray[np.bool_]:
+def _clear(free: Mask, cells: float) -> Mask:
+    """Return the free cells that are so many cells from all others."""
+    from scipy.ndimage import distance_transform_edt
+
+    clear = np.empty_like(free)
+    for rows, around in strips(free.shape, int(cells) + 1):
+        far = distance_transform_edt(free[around]) >= cells
+        clear[rows] = far[rows.start - around.start :][: rows.stop - rows.start]
+    return clear
+
+
+def _without_blobs(grid: OccupancyGrid) -> Mask:
     """Return the cells that are free, or of connected ones that cover little, [H, W]."""
     from scipy.ndimage import label
 
-    free = grid.cells == OccupancyGrid.FREE
-    blobs, count = label(~free, np.ones((3, 3)))
-    small = count_labels(blobs, count) * grid.resolution**2 <= LARGEST_FILLED_M2
-    return np.asarray(free | has_label(blobs, small))
+    most_cells = int(LARGEST_FILLED_M2 / grid.resolution**2)
+    free = np.empty(grid.cells.shape, bool)
+    # what reaches from a strip through a margin of so many rows is larger
+    for rows, around in strips(free.shape, most_cells):
+        blobs, count = label(grid.cells[around] != OccupancyGrid.FREE, np.ones((3, 3)))
+        wanted = count_labels(blobs, count) <= most_cells
+        wanted[0] = True  # free cells
+        free[rows] = has_label(blobs, wanted)[rows.start - around.start :][: rows.stop - rows.start]
+    return free
 
 
 def _faced(

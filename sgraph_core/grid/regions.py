@@ -155,32 +155,40 @@ def _spread(labels: Labels, free: Mask, steps: int) -> None:
 
     Labels grow a cell a step; of equals the lower one wins.
     """
-    from scipy.ndimage import binary_propagation
-
     patches = free & (labels == NOBODY)
+    flat, in_patch = labels.reshape(-1), patches.reshape(-1)
     edge = _beside(patches, labels)
-    flat, waiting = labels.reshape(-1), patches.reshape(-1)
-    height, width = labels.shape
+    given = [edge[:0]]
     for _ in range(steps):
-        row, column = np.divmod(edge, width)
-        reached, takers = [], []
-        for down, right in FOUR_NEIGHBOURS:
-            inside = (row + down >= 0) & (row + down < height)
-            inside &= (column + right >= 0) & (column + right < width)
-            cell = edge[inside] + down * width + right
-            takes = waiting[cell] & (flat[cell] == NOBODY)
-            reached.append(cell[takes])
-            takers.append(flat[edge[inside][takes]])
-        cells, taker = np.concatenate(reached), np.concatenate(takers)
-        order = np.lexsort((taker, cells))
-        edge, first = np.unique(cells[order], return_index=True)
+        source, cell = _neighbours(edge, labels.shape)
+        takes = in_patch[cell] & (flat[cell] == NOBODY)
+        cell, taker = cell[takes], flat[source[takes]]
+        order = np.lexsort((taker, cell))
+        edge, first = np.unique(cell[order], return_index=True)
         flat[edge] = taker[order][first]
-    not_reached = patches & (labels == NOBODY)
-    labels[binary_propagation(not_reached, mask=patches)] = NOBODY
+        given.append(edge)
+    source, cell = _neighbours(np.concatenate(given), labels.shape)
+    edge = np.unique(source[in_patch[cell] & (flat[cell] == NOBODY)])
+    while len(edge):  # take back what was given of patches that go on
+        flat[edge] = NOBODY
+        _, cell = _neighbours(edge, labels.shape)
+        edge = np.unique(cell[in_patch[cell] & (flat[cell] != NOBODY)])
+
+
+def _neighbours(cells: IntArray, shape: tuple[int, ...]) -> tuple[IntArray, IntArray]:
+    """Return cells, repeated, and those that share a side with each, numbered row by row."""
+    row, column = np.divmod(cells, shape[1])
+    sources, found = [], []
+    for down, right in FOUR_NEIGHBOURS:
+        inside = (row + down >= 0) & (row + down < shape[0])
+        inside &= (column + right >= 0) & (column + right < shape[1])
+        sources.append(cells[inside])
+        found.append(cells[inside] + down * shape[1] + right)
+    return np.concatenate(sources), np.concatenate(found)
 
 
 def _beside(patches: Mask, labels: Labels) -> IntArray:
-    """Return the labelled cells that share a side with a patch, counted row by row."""
+    """Return the labelled cells that share a side with a patch, numbered row by row."""
     from scipy.ndimage import binary_dilation
 
     found = []
@@ -195,9 +203,10 @@ def _fill_holes(labels: Labels, label: int, most_cells: float) -> None:
     from scipy import ndimage
 
     own = labels == label
-    holes, count = ndimage.label(ndimage.binary_fill_holes(own) & ~own, np.ones((3, 3)))
-    if count:
+    inside = ndimage.binary_fill_holes(own) & ~own
+    for window in ndimage.find_objects(inside.view(np.uint8)):  # around all of them, if any
+        holes, count = ndimage.label(inside[window], np.ones((3, 3)))
         filled = count_labels(holes, count) <= most_cells
-        filled[holes[(holes > 0) & (labels != NOBODY)]] = False
+        filled[holes[(holes > 0) & (labels[window] != NOBODY)]] = False
         filled[0] = False  # which is no hole
-        labels[has_label(holes, filled)] = label
+        labels[window][has_label(holes, filled)] = label
