@@ -12,7 +12,7 @@ from sgraph_concepts.types import FloatArray, IntArray, OccupancyGrid, SurfaceAr
 from sgraph_core.grid.strips import count_labels, has_label, strips
 from sgraph_core.winding import winding
 
-__all__ = ["NOBODY", "Labels", "Mask", "label_cells", "windows"]
+__all__ = ["NOBODY", "Labels", "Mask", "label_cells", "spaces_faced", "windows"]
 
 NOBODY = 0
 """Label of the cells of no room."""
@@ -62,6 +62,39 @@ def label_cells(rooms: Sequence[SurfaceArrays], grid: OccupancyGrid) -> Labels:
     for label, window in windows(labels, len(rooms)):
         _fill_holes(labels[window], label, most_filled)
     return labels
+
+
+def spaces_faced(
+    room: SurfaceArrays, grid: OccupancyGrid, smallest_m2: float, ahead_m: float
+) -> IntArray:
+    """Return which space each surface of a room faces, where it winds around several.
+
+    Args:
+        room: N surfaces, in the grid's world.
+        grid: what is known of the floor.
+        smallest_m2: what counts as a space: connected free cells of this area that it winds around.
+        ahead_m: a surface faces the space that is nearest to the point this far before its middle.
+
+    Returns:
+        A number for each space; 0 for all if there is one space at most, [N].
+    """
+    from scipy import ndimage
+
+    segments = grid.to_cells(room.segments)
+    low, high = _limits(segments, grid.cells.shape)
+    free = grid.cells[low[1] : high[1], low[0] : high[0]] == OccupancyGrid.FREE
+    parts, count = ndimage.label(_claimed([segments - low], free) != NOBODY)
+    is_space = count_labels(parts, count) * grid.resolution**2 >= smallest_m2
+    is_space[0] = False
+    if is_space.sum() < 2:
+        return np.zeros(len(room), np.int64)
+    row, column = ndimage.distance_transform_edt(
+        ~has_label(parts, is_space), return_distances=False, return_indices=True
+    )
+    ahead = grid.to_cells(room.midpoints + ahead_m * room.normals) - low
+    place = np.clip(ahead, 0, np.array(free.shape[::-1]) - 1).astype(np.int64)
+    nearest = place[:, 1], place[:, 0]
+    return np.asarray(parts[row[nearest], column[nearest]], np.int64)
 
 
 def _claimed(rooms: Sequence[FloatArray], free: Mask) -> Labels:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import shapely
 import yaml
-from floors import CELL_M, closed, grid_of, occupy, surfaces_of
+from floors import CELL_M, Box, closed, grid_of, occupy, surfaces_of
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -413,3 +413,15 @@ def test_what_covers_little_space_joins_the_room_it_likely_belongs_to(
     scene = Scene(surfaces, np.zeros(2), pairs, np.zeros(28), np.zeros((28, 1)), grid=grid)
     edges = ScoredEdges(pairs, np.where(within, 2.0, against))
     assert len(cluster(edges, scene)) == count
+
+
+@pytest.mark.parametrize(("boxes", "count"), [((WEST, EAST, DOOR), 1), ((WEST, EAST), 2)])
+def test_one_room_has_a_way_between_all_that_it_covers(boxes: tuple[Box, ...], count: int) -> None:
+    _, (west, east) = two_rooms()
+    surfaces = together(west, east)
+    pairs = np.stack(np.triu_indices(len(surfaces), k=1), axis=1)
+    nothing = np.zeros(len(pairs))
+    grid = grid_of(200, 100, *boxes)
+    scene = Scene(surfaces, np.zeros(2), pairs, nothing, nothing[:, None], grid=grid)
+    rooms = cluster(ScoredEdges(pairs, np.full(len(pairs), 9.0)), scene)
+    assert sorted(len(room.members) for room in rooms) == [len(surfaces) // count] * count

@@ -18,7 +18,7 @@ from sgraph_core.clustering.canonical import Relation, canonical_relation
 from sgraph_core.clustering.confidence import clusters_of
 from sgraph_core.clustering.multicut import multicut
 from sgraph_core.grid.passages import separated
-from sgraph_core.grid.regions import label_cells
+from sgraph_core.grid.regions import label_cells, spaces_faced
 from sgraph_core.grid.strips import count_labels
 
 __all__ = ["cluster"]
@@ -52,6 +52,8 @@ def cluster(edges: ScoredEdges, scene: Scene) -> list[Cluster]:
     surfaces = scene.surfaces.take(relation.rows)
     weights = np.minimum(surfaces.lengths / FULL_WEIGHT_M, 1.0)[relation.pairs].prod(axis=1)
     groups = multicut(len(relation.rows), relation.pairs, weights * relation.logits)
+    if scene.grid is not None:
+        groups = [part for group in groups for part in _by_space(group, surfaces, scene.grid)]
     large = [group for group in groups if len(group) >= FEWEST_MEMBERS]
     small = [group for group in groups if len(group) < FEWEST_MEMBERS]
     encloses = {group[0]: _encloses(surfaces, np.array(group)) for group in large}
@@ -69,6 +71,14 @@ def cluster(edges: ScoredEdges, scene: Scene) -> list[Cluster]:
             *(g for g in things if g[0] not in taken and covered[g[0]] >= CLOSET_M2),
         ],
     )
+
+
+def _by_space(group: list[int], surfaces: SurfaceArrays, grid: OccupancyGrid) -> list[list[int]]:
+    """Cut a group that winds around spaces without a way between them: they are no one room."""
+    if len(group) < FEWEST_MEMBERS:
+        return [group]
+    faced = spaces_faced(surfaces.take(np.array(group)), grid, THING_M2, IN_FRONT_M)
+    return [np.array(group)[faced == space].tolist() for space in np.unique(faced)]
 
 
 def _covered(
