@@ -20,6 +20,9 @@ OPPOSITE_RAD = np.radians(20.0)
 OVERLAP_M = 0.05
 """The openings of a doorway may overlap by this much, as rooms that share a border do."""
 
+SPECK_M = 0.15
+"""What lies in a doorway and is narrower, such as noise or the leg of a chair, does not part it."""
+
 
 @dataclass(frozen=True)
 class Doorway:
@@ -91,6 +94,8 @@ def doorways_on_shared_borders(
 ) -> list[Doorway]:
     """Return the doorways of rooms that follow free cells: where two share a border.
 
+    Parts of it that lie less than ``SPECK_M`` apart are one doorway.
+
     Args:
         rooms: polygons with equal vertices on shared borders.
         cell_m: side of a cell. Outlines cut the corners of cells: a shared border ends half a
@@ -103,13 +108,26 @@ def doorways_on_shared_borders(
     for k, m in zip(one.tolist(), two.tolist(), strict=True):
         if names[k] < names[m]:
             shared = shapely.line_merge(shapely.intersection(borders[k], borders[m]))
-            for part in shapely.get_parts(shared):
-                first, last = shapely.get_coordinates(part)[[0, -1]]
+            for first, last in _ends(shared):
                 width = float(np.linalg.norm(last - first)) + cell_m
                 if width >= SHORTEST_M:
                     x, y = ((first + last) / 2).tolist()
                     found.append(Doorway((names[k], names[m]), (x, y), width))
     return _ordered(found)
+
+
+def _ends(border: shapely.Geometry) -> list[FloatArray]:
+    """Return the ends of each part of a border, [2, 2]; parts with a speck between them are one."""
+    parts = shapely.get_parts(border)
+    parts = parts[shapely.get_type_id(parts) == shapely.GeometryType.LINESTRING]
+    around = shapely.union_all(shapely.buffer(parts, SPECK_M / 2))
+    found = []
+    for area in shapely.get_parts(around):
+        lines = parts[shapely.within(parts, area)]
+        points = shapely.get_coordinates(shapely.get_point(lines[:, None], [0, -1]))
+        apart = np.linalg.norm(points[:, None] - points, axis=2)
+        found.append(points[list(np.unravel_index(apart.argmax(), apart.shape))])
+    return found
 
 
 def _ordered(found: Iterable[Doorway]) -> list[Doorway]:

@@ -79,6 +79,7 @@ def spaces_faced(
         A number for each space; 0 for all if there is one space at most, [N].
     """
     from scipy import ndimage
+    from scipy.spatial import cKDTree
 
     segments = grid.to_cells(room.segments)
     low, high = _limits(segments, grid.cells.shape)
@@ -88,12 +89,10 @@ def spaces_faced(
     is_space[0] = False
     if is_space.sum() < 2:
         return np.zeros(len(room), np.int64)
-    row, column = ndimage.distance_transform_edt(
-        ~has_label(parts, is_space), return_distances=False, return_indices=True
-    )
+    spaces = has_label(parts, is_space)
+    row, column = np.nonzero(spaces & ~ndimage.binary_erosion(spaces))
     ahead = grid.to_cells(room.midpoints + ahead_m * room.normals) - low
-    place = np.clip(ahead, 0, np.array(free.shape[::-1]) - 1).astype(np.int64)
-    nearest = place[:, 1], place[:, 0]
+    _, nearest = cKDTree(np.stack([column, row], axis=1) + 0.5).query(ahead)
     return np.asarray(parts[row[nearest], column[nearest]], np.int64)
 
 

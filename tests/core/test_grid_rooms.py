@@ -94,6 +94,18 @@ def test_two_rooms_meet_in_the_middle_of_their_doorway(origin: tuple[float, floa
     assert west.attributes["open_sides"] == east.attributes["open_sides"] == []
 
 
+@pytest.mark.parametrize(("cells", "count"), [(1, 1), (2, 1), (4, 2)])
+def test_what_is_small_in_a_doorway_does_not_part_it(cells: int, count: int) -> None:
+    grid, rooms = two_rooms()
+    occupy(grid, (93, 97, 47, 47 + cells))
+    for room in shapes_of(grid, rooms):
+        doors = room.attributes["doorways"]
+        assert len(doors) == count
+        if count == 1:
+            assert doors[0]["width_m"] == pytest.approx(18 * CELL_M, abs=0.1)
+            assert doors[0]["position"] == pytest.approx((4.75, 2.45), abs=0.1)
+
+
 def test_without_a_grid_the_doorway_is_the_gap_between_collinear_surfaces() -> None:
     _, rooms = two_rooms()
     west, east = shapes_of(None, rooms)
