@@ -178,7 +178,7 @@ def _keep_largest_part(labels: Labels, label: int) -> None:
     parts, count = ndimage.label(labels == label)
     if count > 1:
         smaller = np.ones(count + 1, bool)
-        smaller[[0, np.argmax(count_labels(parts, count)[1:]) + 1]] = False
+        smaller[0] = smaller[1 + np.argmax(count_labels(parts, count)[1:])] = False
         labels[has_label(parts, smaller)] = NOBODY
 
 
