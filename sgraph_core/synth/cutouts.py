@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -17,7 +17,7 @@ from sgraph_core.synth.config import FittingConfig
 from sgraph_core.synth.pieces import SHORTEST_PIECE_M, Pieces
 from sgraph_core.synth.walls import THICKEST_M, WallGaps
 
-__all__ = ["Cutout", "border_cutouts", "cut", "draw_doors", "draw_windows", "junctions_behind"]
+__all__ = ["Cutout", "border_cutouts", "cut", "draw_doors", "draw_windows", "junctions_behind", "openings"]
 
 DOOR_FRAME_M = 0.05
 """Doors stay this far from the ends of a wall."""
@@ -136,3 +136,17 @@ def cut(walls: Pieces, cutouts: Iterable[Cutout]) -> Pieces:
             rows.append(row)
             segments.append([segment[0] + low * along, segment[0] + high * along])
     return walls.parts(rows, segments)
+
+
+def openings(cutouts: Sequence[Cutout], walls: Pieces) -> FloatArray:
+    """Return what cutouts of both sides of a wall take out of its body: corners in turn, [O, 4, 2].
+
+    The first edge lies on the side whose row comes first.
+    """
+    rings = np.empty((len(cutouts), 4, 2))
+    for ring, cutout in zip(rings, cutouts, strict=True):
+        for ends, row in zip((slice(0, 2), slice(3, 1, -1)), cutout.rows, strict=True):
+            start, along = walls.segments[row, 0], walls.segments[row, 1] - walls.segments[row, 0]
+            reach = (np.stack([cutout.start, cutout.end]) - start) @ along / (along @ along)
+            ring[ends] = start + reach[:, None] * along
+    return rings

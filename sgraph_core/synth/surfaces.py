@@ -19,6 +19,7 @@ from sgraph_core.synth.cutouts import (
     draw_doors,
     draw_windows,
     junctions_behind,
+    openings,
 )
 from sgraph_core.synth.pieces import NO_ROOM, Pieces
 from sgraph_core.synth.plan import Plan
@@ -34,15 +35,26 @@ class Floor:
 
     Attributes:
         rooms: each room's free space; columns and partitions are holes.
-        pieces: its surfaces, as far as cutouts leave them.
+        pieces: its surfaces that may be mapped, as far as cutouts leave them.
         passages: pairs of rooms that doors and open borders join, [D, 2].
         doorways: the middles of the passages, [D, 2].
+        furniture: boxes that stand in the rooms.
+        facades: the outer faces of the building, whether they may be mapped or not.
+        doors: the openings through wall bodies that one can pass, [O, 4, 2]; the first edge of each
+            lies on one side of the wall, the third on the other.
+        windows: likewise those of windows; the first edge lies on a room's side.
+        panes: the windows' glass, as parts of the rooms' sides.
     """
 
     rooms: list[Polygon]
     pieces: Pieces
     passages: IntArray
     doorways: FloatArray
+    furniture: list[Polygon]
+    facades: Pieces
+    doors: FloatArray
+    windows: FloatArray
+    panes: Pieces
 
 
 def draw_surfaces(plan: Plan, rng: Generator, config: FittingConfig) -> Floor:
@@ -60,12 +72,23 @@ def draw_surfaces(plan: Plan, rng: Generator, config: FittingConfig) -> Floor:
     borders = border_cutouts(walls, plan.open_borders)
     behind = junctions_behind(gaps, len(walls), rng, rng.choice(config.broken_behind_share))
     shell = cut(walls, [*doors, *windows, *borders, *behind])
-    pieces = Pieces.joined(
-        shell if facade_mapped else shell.take(~shell.facades),
-        door_leaves(doors, rng, rng.choice(config.door_leaf_share)),
-        furniture(plan.rooms, rng, rng.choice(config.furnished_share), config),
+    leaves = door_leaves(doors, rng, rng.choice(config.door_leaf_share))
+    faces, boxes = furniture(plan.rooms, rng, rng.choice(config.furnished_share), config)
+    mapped = shell if facade_mapped else shell.take(~shell.facades)
+    passages, doorways = _passages([*doors, *borders], walls)
+    return Floor(
+        rooms=plan.rooms,
+        pieces=Pieces.joined(mapped, leaves, faces),
+        passages=passages,
+        doorways=doorways,
+        furniture=boxes,
+        facades=shell.take(shell.facades),
+        doors=openings(doors, walls),
+        windows=openings(windows, walls),
+        panes=walls.parts(
+            [window.rows[0] for window in windows], [[w.start, w.end] for w in windows]
+        ),
     )
-    return Floor(plan.rooms, pieces, *_passages([*doors, *borders], walls))
 
 
 def _sides(rooms: list[Polygon]) -> Pieces:
