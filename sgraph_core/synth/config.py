@@ -280,7 +280,7 @@ class GridConfig(_Config):
         description="Of drawn grids: what furniture is; one is drawn per building.",
     )
     pose_spacing_m: Interval[Spacing] = Field(
-        default=(0.7, 2.5), description="Least distance between scans in a room."
+        default=(1.0, 3.0), description="Least distance between scans in a room."
     )
     beams: Choices[Beams] = Field(
         default=(360, 720, 1440), description="Rays of a full turn; one is drawn per building."
