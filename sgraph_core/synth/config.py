@@ -268,7 +268,8 @@ class GridConfig(_Config):
         description="Single known cells that became something else; one is drawn per building.",
     )
     drawn_share: Share = Field(
-        default=0.4, description="Grids drawn from the plan, where all is known; others are scanned."
+        default=0.4,
+        description="Grids drawn from the plan, where all is known; others are scanned.",
     )
     drawn_walls: Choices[Literal["faces", "solid", "unknown"]] = Field(
         default=("faces", "faces", "solid", "unknown"),

@@ -17,7 +17,15 @@ from sgraph_core.synth.config import FittingConfig
 from sgraph_core.synth.pieces import SHORTEST_PIECE_M, Pieces
 from sgraph_core.synth.walls import THICKEST_M, WallGaps
 
-__all__ = ["Cutout", "border_cutouts", "cut", "draw_doors", "draw_windows", "junctions_behind", "openings"]
+__all__ = [
+    "Cutout",
+    "border_cutouts",
+    "cut",
+    "draw_doors",
+    "draw_windows",
+    "junctions_behind",
+    "openings",
+]
 
 DOOR_FRAME_M = 0.05
 """Doors stay this far from the ends of a wall."""

@@ -43,4 +43,4 @@ def write_grid(building: GridBuilding, folder: Path) -> None:
 
 def _write_image(path: Path, cells: NDArray[Any]) -> None:
     image = Image.fromarray(np.ascontiguousarray(cells[::-1]))  # an image's first row is the top
-    write_whole(path, lambda temporary: image.save(temporary))
+    write_whole(path, image.save)

@@ -1,4 +1,4 @@
-"""What a robot's scans leave on a grid: cells that rays pass become free, and where they end occupied.
+"""What a robot's scans leave on a grid: free cells where rays pass, occupied ones where they end.
 
 Rays are cast exactly, at segments; the cells are counted. Coordinates are (column, row), in cells.
 """

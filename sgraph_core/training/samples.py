@@ -110,9 +110,7 @@ def sample_floor(
     )
 
 
-def _draw_surfaces(
-    rng: np.random.Generator, config: TrainingConfig
-) -> tuple[Scene, BuildingTruth]:
+def _draw_surfaces(rng: np.random.Generator, config: TrainingConfig) -> tuple[Scene, BuildingTruth]:
     """Draw a building that is mapped as surfaces."""
     building = draw_building(rng, config.building)
     surfaces = preprocess(building.graph("floor").wall_surfaces.ordered()).surfaces

@@ -203,7 +203,11 @@ def test_weights_of_another_version_are_refused(
     ("key", "value", "message"),
     [
         ("features", None, "features = None: must be one of support, visibility, frame, paper"),
-        ("features", "colour", "features = 'colour': must be one of support, visibility, frame, paper"),
+        (
+            "features",
+            "colour",
+            "features = 'colour': must be one of support, visibility, frame, paper",
+        ),
         ("neighbours", None, "neighbours = None: must be one of visible, nearest"),
         ("features", "paper", "takes 5 features of a node and 28 of an edge, but is given 3 and 3"),
     ],

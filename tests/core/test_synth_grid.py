@@ -13,6 +13,7 @@ from shapely import box
 from sgraph_concepts.types import FloatArray, OccupancyGrid, SurfaceArrays
 from sgraph_core.grid.extraction import extract
 from sgraph_core.preprocess import preprocess
+from sgraph_core.synth.building import draw_building
 from sgraph_core.synth.config import BuildingConfig, FittingConfig, GridConfig, PlanConfig
 from sgraph_core.synth.grid_clutter import stand_cupboards, stand_tables
 from sgraph_core.synth.grid_files import write_grid
@@ -46,6 +47,7 @@ EXACT = {
     "drawn_share": 0.0,
 }
 """A robot that measures without error."""
+DRAWERS = (draw_building, draw_grid_building)
 SMALL = PlanConfig(floor_area_m2=(100.0, 250.0))
 
 
@@ -286,6 +288,17 @@ def test_equal_seeds_give_equal_grids_and_others_do_not() -> None:
     assert (one.labels == two.labels).all()
     assert (one.pieces.segments == two.pieces.segments).all()
     assert one.grid.cells.shape != other.grid.cells.shape
+
+
+def test_one_seed_gives_one_building_as_surfaces_and_as_a_grid() -> None:
+    config = BuildingConfig(plan=SMALL)
+    for seed in range(3):
+        buildings = [draw(np.random.default_rng(seed), config) for draw in DRAWERS]
+        one, two = (
+            [shapely.Polygon(corners).area for corners in building.polygons]
+            for building in buildings
+        )
+        assert one == pytest.approx(two)
 
 
 def test_what_is_written_is_what_was_drawn(tmp_path: Path) -> None:
