@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from sgraph_concepts.types import FloatArray, IntArray, SurfaceArrays
 from sgraph_core.closures import Closures, continuations, gaps
-from sgraph_core.geometry import in_frames, lines_of, nearest
+from sgraph_core.geometry import dot, lines_of, nearest
 from sgraph_core.rays import Obstacles, Rays
 
 __all__ = ["VISIBILITIES", "facing_pairs", "visibility"]
@@ -57,17 +57,21 @@ def facing_pairs(surfaces: SurfaceArrays, count: int) -> IntArray:
     lines = lines_of(surfaces.segments)
     bounds, outwards = shapely.bounds(lines), np.array([-1.0, -1.0, 1.0, 1.0])
     tree = shapely.STRtree(lines)
-    waiting = np.arange(total)
-    radius = NEAREST_RADIUS_M
+    waits, radius = np.ones(total, bool), NEAREST_RADIUS_M
     keys = [np.empty(0, np.int64)]
-    while len(waiting):
-        asking, other = tree.query(shapely.box(*(bounds[waiting] + radius * outwards).T))
-        asking = waiting[asking]
-        facing = _reaches_in_front(surfaces, asking, other)
-        asking, other = asking[facing], other[facing]
-        facing = _reaches_in_front(surfaces, other, asking)
-        asking, other = asking[facing], other[facing]
-        distances = shapely.distance(lines[asking], lines[other])
+    while waits.any():
+        waiting = np.flatnonzero(waits)
+        one, two = tree.query(shapely.box(*(bounds[waiting] + radius * outwards).T))
+        one = waiting[one]
+        once = (one < two) | ~waits[two]  # of a pair that both ask for, look at one direction only
+        one, two = one[once], two[once]
+        for _ in range(2):
+            facing = _reaches_in_front(surfaces, one, two)
+            one, two = two[facing], one[facing]
+        distances = shapely.distance(lines[one], lines[two])
+        mutual = waits[two]
+        asking, other = np.append(one, two[mutual]), np.append(two, one[mutual])
+        distances = np.append(distances, distances[mutual])
         found = np.bincount(asking[distances <= radius], minlength=total)
         done = (found >= count) | (radius >= FARTHEST_RADIUS_M)
         answered = done[asking]
@@ -75,13 +79,14 @@ def facing_pairs(surfaces: SurfaceArrays, count: int) -> IntArray:
         near = nearest(asking, distances, count)
         asking, other = asking[near], other[near]
         keys.append(np.minimum(asking, other) * total + np.maximum(asking, other))
-        waiting = waiting[~done[waiting]]
+        waits &= ~done
         radius *= 2
     return np.stack(np.divmod(np.unique(np.concatenate(keys)), total), axis=1)
 
 
 def _reaches_in_front(surfaces: SurfaceArrays, one: IntArray, two: IntArray) -> NDArray[np.bool_]:
-    _, in_front = in_frames(surfaces, one, surfaces.segments[two])
+    offset = surfaces.segments[two] - surfaces.midpoints[one, None]
+    in_front = dot(offset, surfaces.normals[one, None])
     return np.asarray(np.maximum(in_front[:, 0], in_front[:, 1]) > IN_FRONT_M)
 
 
@@ -107,9 +112,12 @@ def visibility(surfaces: SurfaceArrays, pairs: IntArray) -> FloatArray:
     for start in range(0, len(pairs), PAIRS_AT_ONCE):  # bounds the memory
         some = pairs[start : start + PAIRS_AT_ONCE]
         rays = Rays.between(surfaces, some)
-        free = rays.valid & np.isinf(rays.narrowest_crossed(walls, own=some))
+        # most pairs are behind one wall: it is found faster than all that their rays cross
+        open_ = np.flatnonzero(rays.valid.any(axis=1) & ~rays.blocked_by_one(walls, own=some))
+        rays = rays.take(open_)
+        free = rays.valid & np.isinf(rays.narrowest_crossed(walls, own=some[open_]))
         seeing = np.flatnonzero(free.any(axis=1))
-        rays, free = rays.take(seeing), free[seeing]
+        rays, free, seeing = rays.take(seeing), free[seeing], open_[seeing]
         columns = [free]
         for obstacles, limits in closed:
             narrowest = rays.narrowest_crossed(obstacles)

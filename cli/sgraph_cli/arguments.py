@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sgraph_cli.console import note, warn_about_plugins
+from sgraph_cli.console import note, progress, warn_about_plugins, warnings_as_notes
 
 if TYPE_CHECKING:
     from sgraph_core.detector import Detector
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Clusterers",
+    "MapFile",
     "Scorer",
     "ScorerName",
     "Weights",
@@ -35,6 +36,12 @@ class ScorerName(StrEnum):
     baseline = "baseline"
 
 
+MapFile = Annotated[
+    Path,
+    typer.Argument(
+        metavar="MAP", help="A sgraph-map JSON file, or the YAML file of a ROS map_server map."
+    ),
+]
 Scorer = Annotated[
     ScorerName, typer.Option(help="The trained network, or the rules without learning.")
 ]
@@ -113,7 +120,8 @@ def warn_about_lists(paths: Sequence[Path], lists: Sequence[Path]) -> None:
 
 
 def load_map(path: Path) -> SGraph:
-    """Read a map of any supported format."""
-    from sgraph_core.map_file import load
+    """Read a map of any supported format; warn of what looks wrong in it."""
+    from sgraph_core.formats import load
 
-    return load(path)
+    with progress() as report, warnings_as_notes():
+        return load(path, report)

@@ -21,6 +21,8 @@ NEAR_M = 0.1
 """A point of a surface is matched if the other set has a surface this close..."""
 SAME_WAY_COSINE = np.cos(np.radians(30.0))
 """...whose normal turns away by no more than this."""
+SMALLEST_ROOM_M2 = 1.0
+"""Fewer labelled cells are no room."""
 SMALLEST_SPOT_M2 = 0.25
 """A smaller spot without label in the middle of a room is clutter rather than wall."""
 SPACING_M = 0.02
@@ -72,7 +74,8 @@ def true_surfaces(grid: OccupancyGrid, labels: NDArray[np.integer]) -> SurfaceAr
     They are the outlines of all rooms together, so two rooms that touch have none between them,
     straightened within one cell (Douglas-Peucker) to get rid of the steps of oblique walls. Where
     the cell behind an outline is free, as at the door to a space without label, there is no
-    surface. Nor is there one around a spot without label of less than 0.25 m2: furnished grids are
+    surface. Nor is there one around less than 1 m2 of labelled cells, which is no room (as in the
+    score of rooms), or around a spot without label of less than 0.25 m2: furnished grids are
     labelled on under the furniture, a robot's around it, and neither makes it a wall.
 
     Args:
@@ -87,11 +90,11 @@ def true_surfaces(grid: OccupancyGrid, labels: NDArray[np.integer]) -> SurfaceAr
             f"labels have shape {list(labels.shape)}: must be the grid's, {list(grid.cells.shape)}"
         )
     outside = (grid.cells == OccupancyGrid.FREE) & (labels == 0)
-    spot = SMALLEST_SPOT_M2 / grid.resolution**2
+    room, spot = (area / grid.resolution**2 for area in (SMALLEST_ROOM_M2, SMALLEST_SPOT_M2))
     lines = [
         run
         for line in outlines(labels > 0, lambda _row: None)
-        if not 0 < enclosed_area(line) < spot
+        if (area := enclosed_area(line)) == 0 or not -room < area < spot
         for run in _walls(line, outside)
     ]
     segments = chords(lines, 1.0) if lines else np.empty((0, 2, 2))

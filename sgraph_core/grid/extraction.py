@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from sgraph_concepts.types import FloatArray, IntArray, OccupancyGrid, SurfaceArrays
 from sgraph_core.geometry import Geometries
@@ -69,7 +70,7 @@ def extract_surfaces(
         pieces, free, tolerance, settings.widest_gap_m / cell, settings.front_m / cell
     )
     surfaces = in_world(grid, segments)
-    return surfaces.take(surfaces.lengths >= settings.shortest_surface_m)
+    return surfaces.take(surfaces.lengths >= max(settings.shortest_surface_m, 2 * cell))
 
 
 def in_world(grid: OccupancyGrid, segments: FloatArray) -> SurfaceArrays:
@@ -105,16 +106,33 @@ def _of_rooms_and_walls(
 
 
 def _lone(shapes: Geometries, blobs: IntArray, smallest: float, gap: float) -> IntArray:
-    """Return which blobs stay small even together with all that is near, and near that."""
+    """Return which blobs stay small even together with all that is near, and near that.
+
+    What is not small keeps only those near it that are thin, since walls may be broken into
+    pieces; what is not thin is a thing that stands at a wall.
+    """
     boxes = shapely.bounds(shapes)
     boxes[:, :2] *= -1  # then a union's box is a maximum
-    one, two = shapely.STRtree(shapes).query(shapes[blobs], predicate="dwithin", distance=gap)
-    one = blobs[one]
+    small = _extents(boxes) < smallest
+    blobs = blobs[small[blobs]]
+    near, two = shapely.STRtree(shapes).query(shapes[blobs], predicate="dwithin", distance=gap)
+    linked = small[two] | _thin(shapes[blobs])[near]
+    one, two = blobs[near[linked]], two[linked]
     while True:
-        small = (boxes[:, 2:] + boxes[:, :2]).max(axis=1) < smallest
-        one, two = one[small[one]], two[small[one]]
         grown = boxes.copy()
         np.maximum.at(grown, one, boxes[two])
-        if (grown == boxes).all():
+        small = _extents(grown) < smallest
+        if (grown == boxes)[small].all():
             return np.asarray(blobs[small[blobs]])
         boxes = grown
+
+
+def _extents(boxes: FloatArray) -> FloatArray:
+    return np.asarray((boxes[:, 2:] + boxes[:, :2]).max(axis=1))
+
+
+def _thin(shapes: Geometries) -> NDArray[np.bool_]:
+    """Return which shapes are more than twice as long as wide, [N]."""
+    corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(shapes))
+    sides = np.linalg.norm(np.diff(corners.reshape(-1, 5, 2)[:, :3], axis=1), axis=2)
+    return np.asarray(sides.max(axis=1) > 2 * sides.min(axis=1))

@@ -18,6 +18,7 @@ Mask = NDArray[np.bool_]
 Told = Callable[[int], object]
 """Told after every strip up to which row the work is done."""
 
+FEWEST_ROWS = 64
 STRIP_CELLS = 2**20
 """How many cells are worked on at a time; contouring needs some 30 bytes for each of them."""
 
@@ -65,10 +66,10 @@ def outlines(mask: Mask, told: Told) -> list[FloatArray]:
     for low, high in _strips(mask.shape):
         # strips share a row, on which the lines of one end and those of the next begin
         cells = mask[low : high + 1]
-        rows = np.arange(low, low + len(cells)) + 0.5
+        centres = np.arange(low, low + len(cells)) + 0.5
         above, below = int(low == 0), int(high == height)
         cells = np.pad(cells, ((above, below), (1, 1)), "edge")
-        rows = np.asarray(np.concatenate([[0.0] * above, rows, [height] * below]), np.float64)
+        rows = np.array([*[0] * above, *centres, *[height] * below], np.float64)
         for line in _contours(columns, rows, cells):
             (closed if (line[0] == line[-1]).all() else open_).append(line)
         told(high)
@@ -76,8 +77,9 @@ def outlines(mask: Mask, told: Told) -> list[FloatArray]:
 
 
 def enclosed_area(line: FloatArray) -> float:
-    """Return the area in a closed outline in cells: positive around a blob, negative around free
-    space, 0 for an open outline.
+    """Return the area that an outline encloses, in cells, 0 if it is open.
+
+    It is positive around a blob and negative around free space.
     """
     if (line[0] != line[-1]).any():
         return 0.0
@@ -87,7 +89,7 @@ def enclosed_area(line: FloatArray) -> float:
 
 def _strips(shape: tuple[int, ...]) -> Iterator[tuple[int, int]]:
     height, width = shape
-    step = max(64, STRIP_CELLS // width)
+    step = max(FEWEST_ROWS, STRIP_CELLS // width)
     for low in range(0, height, step):
         yield low, min(low + step, height)
 

@@ -13,9 +13,10 @@ from sgraph_core.geometry import Geometries, cross, dot
 __all__ = ["Pieces", "chords", "directions", "straight_pieces"]
 
 CORNER_EDGES = 2
-"""This many edges of an outline next to a corner are cut by it and do not count in the fit..."""
-ENOUGH_EDGES = 8
-"""...of pieces that have this many."""
+"""This many edges of an outline next to a corner are cut by it and do not count in the fit, if
+that leaves a third of the piece."""
+BEVEL_CELLS = 3.0
+"""Cutting rays off cuts off corners that are on a slant to the cells; this is how far."""
 CORNER_SINE = np.sin(np.radians(30.0))
 """Pieces that meet at a smaller angle have no corner worth computing."""
 
@@ -47,11 +48,10 @@ def straight_pieces(lines: list[FloatArray], tolerance: float) -> Pieces:
         tolerance: how far a piece may stray from a straight line, in cells.
     """
     points, first, last = _cut(lines, tolerance)
-    weights, means, scatters = _moments(points, first, last)
     ends = np.stack([points[first], points[last]], axis=1)
-    fitted = Pieces(ends, weights, means, scatters)
+    pieces = Pieces(ends, *_moments(points, first, last))
     onward = _followers(_keys(points[first]), _keys(points[last]))
-    return Pieces(_with_corners(fitted, onward, 2 * tolerance), weights, means, scatters)
+    return _with_corners(pieces, onward, tolerance)
 
 
 def directions(chords: FloatArray, scatters: FloatArray) -> FloatArray:
@@ -116,7 +116,8 @@ def _moments(
     middles = (points[edge + 1] + points[edge]) / 2
     weights = np.hypot(steps[:, 0], steps[:, 1])
     from_end = np.minimum(place, counts[piece] - 1 - place)
-    weights[(from_end < CORNER_EDGES) & (counts[piece] >= ENOUGH_EDGES)] = 0
+    margin = np.minimum(CORNER_EDGES, (counts - 1) // 3)
+    weights[from_end < margin[piece]] = 0
 
     def total(values: FloatArray) -> FloatArray:
         return np.stack(
@@ -140,19 +141,38 @@ def _followers(begins: IntArray, ends: IntArray) -> IntArray:
     return np.where(begins[onward] == ends, onward, -1)
 
 
-def _with_corners(pieces: Pieces, onward: IntArray, reach: float) -> FloatArray:
-    """Return the ends on the fitted lines: at corners, else at the foot of the outline's point."""
+def _with_corners(pieces: Pieces, onward: IntArray, tolerance: float) -> Pieces:
+    """Move the ends onto the fitted lines: to corners, else to the foot of the outline's point.
+
+    Two pieces with nothing but a bevel between them meet at a corner too; bevels are left out.
+    """
     along = directions(pieces.ends, pieces.scatters)
     from_mean = pieces.ends - pieces.means[:, None]
     ends = pieces.means[:, None] + dot(from_mean, along[:, None])[..., None] * along[:, None]
-    one = np.flatnonzero(onward >= 0)
-    two = onward[one]
+    reach = max(2 * tolerance, BEVEL_CELLS)
+    beyond, bevelled = _beyond_bevels(pieces, onward, reach)
+    goes_on = np.flatnonzero(onward >= 0)
+    one = np.concatenate([goes_on, bevelled])
+    two = np.concatenate([onward[goes_on], beyond[bevelled]])
+    over_bevel = np.arange(len(one)) >= len(goes_on)
+
     sine = cross(along[one], along[two])
     sharp = np.abs(sine) > CORNER_SINE
-    one, two, sine = one[sharp], two[sharp], sine[sharp]
+    one, two, sine, over_bevel = one[sharp], two[sharp], sine[sharp], over_bevel[sharp]
     distance = cross(pieces.means[two] - pieces.means[one], along[two]) / sine
     corner = pieces.means[one] + distance[:, None] * along[one]
-    near = np.hypot(*(corner - pieces.ends[one, 1]).T) <= reach
+    astray = corner[:, None] - np.stack([pieces.ends[one, 1], pieces.ends[two, 0]], axis=1)
+    near = (np.linalg.norm(astray, axis=2) <= reach).all(axis=1)
     ends[one[near], 1] = corner[near]
     ends[two[near], 0] = corner[near]
-    return ends
+    kept = np.isin(np.arange(len(ends)), onward[one[near & over_bevel]], invert=True)
+    return Pieces(ends[kept], pieces.weights[kept], pieces.means[kept], pieces.scatters[kept])
+
+
+def _beyond_bevels(pieces: Pieces, onward: IntArray, longest: float) -> tuple[IntArray, IntArray]:
+    """Return the piece after the next one, -1 for none, [N], and where the next may be a bevel."""
+    steps = pieces.ends[:, 1] - pieces.ends[:, 0]
+    short = np.hypot(steps[:, 0], steps[:, 1]) <= longest
+    beyond = np.where(onward >= 0, onward[onward], -1)
+    bevelled = (beyond >= 0) & short[onward] & ~short & ~short[beyond]
+    return beyond, np.flatnonzero(bevelled)

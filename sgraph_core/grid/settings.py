@@ -22,15 +22,15 @@ class SurfaceSettings(BaseModel):
         "space. The square has two cells at least.",
     )
     smallest_free_m2: float = Field(
-        1.0, ge=0, description="Free space that is enclosed and smaller bounds no room."
+        0.5, ge=0, description="Free space that is enclosed and smaller bounds no room."
     )
     smallest_blob_m: float = Field(
-        0.5,
+        0.6,
         ge=0,
         description="Lone things of a smaller extent are no walls: legs of tables, noise.",
     )
     lone_gap_m: float = Field(
-        0.12,
+        0.1,
         ge=0,
         description="Things this close to one another count as one thing, since walls "
         "may be broken into short pieces.",
@@ -44,4 +44,6 @@ class SurfaceSettings(BaseModel):
         0.4, ge=0, description="Collinear surfaces this close are one, if all is free in front."
     )
     front_m: float = Field(0.2, gt=0, description="How far in front of a gap it must be free.")
-    shortest_surface_m: float = Field(0.15, gt=0, description="Shorter surfaces are dropped.")
+    shortest_surface_m: float = Field(
+        0.15, gt=0, description="Shorter surfaces are dropped, and those under two cells."
+    )

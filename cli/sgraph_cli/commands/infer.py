@@ -9,6 +9,7 @@ import typer
 
 from sgraph_cli.arguments import (
     Clusterers,
+    MapFile,
     Scorer,
     ScorerName,
     Weights,
@@ -29,10 +30,12 @@ __all__ = ["infer"]
 
 
 def infer(
-    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A sgraph-map JSON file.")],
+    map_file: MapFile,
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", help="Write the map with its concepts here; may equal MAP."),
+        typer.Option(
+            "-o", "--output", help="Write the map with its concepts here; may equal a JSON MAP."
+        ),
     ] = None,
     plot: Annotated[
         Path | None, typer.Option("--plot", help="Write a picture here (.png, .svg or .pdf).")
@@ -78,12 +81,14 @@ def infer(
         raise typer.BadParameter("needs --optimize", param_hint="--factor")
     factors = by_concept(factor or [], "--factor")
     detector = make_detector(scorer, weights, clusterer)
+    from sgraph_core.formats import check_outputs
     from sgraph_core.map_file import dump, save
     from sgraph_core.plotting import check_name
     from sgraph_core.plotting import plot as draw
 
     if plot is not None:
         check_name(plot)
+    check_outputs(map_file, [file for file in (output, plot) if file is not None])
     graph = load_map(map_file)
     if optimize:
         from sgraph_core.api import infer_and_optimize
