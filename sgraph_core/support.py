@@ -28,8 +28,9 @@ BOXES = 16
 def collinear_lengths(surfaces: SurfaceArrays) -> FloatArray:
     """Return the length of surfaces in line with each, in metres: facing its way and opposite.
 
-    A surface of length l whose ends lie at most y beside the line, and x along it from the nearer
-    end of the surface asking, counts l (1 - x / 20 m) (1 - y / (10 cm + x / 100)).
+    Of two surfaces, one whose ends lie at most y beside the line of the other, and whose middle x
+    along it from the nearer end, is in line with it by (1 - x / 20 m) (1 - y / (10 cm + x / 100)).
+    The larger of the two values holds for both, and each counts the other's length that much.
 
     Args:
         surfaces: N surfaces.
@@ -37,20 +38,14 @@ def collinear_lengths(surfaces: SurfaceArrays) -> FloatArray:
     Returns:
         [N, 2].
     """
-    i, j = _near_lines(surfaces)
-    x, y = in_frames(surfaces, i, surfaces.segments[j])
-    gap = np.maximum(np.abs(x.mean(axis=1)) - surfaces.lengths[i] / 2, 0)
-    beside = np.abs(y).max(axis=1) / (OFFSET_M + OFFSET_GROWTH * gap)
-    weight = np.clip(1 - gap / REACH_M, 0, 1) * np.clip(1 - beside, 0, 1) * surfaces.lengths[j]
-    same_way = dot(surfaces.normals[i], surfaces.normals[j]) > 0
-    total = len(surfaces)
-    return np.stack(
-        [
-            np.bincount(i, weight * same_way, minlength=total),
-            np.bincount(i, weight * ~same_way, minlength=total),
-        ],
-        axis=1,
-    )
+    one, two = _near_lines(surfaces)
+    weight = np.maximum(_in_line(surfaces, one, two), _in_line(surfaces, two, one))
+    same_way = dot(surfaces.normals[one], surfaces.normals[two]) > 0
+    lengths = np.zeros((len(surfaces), 2))
+    for column, counted in enumerate((weight * same_way, weight * ~same_way)):
+        np.add.at(lengths[:, column], one, counted * surfaces.lengths[two])
+        np.add.at(lengths[:, column], two, counted * surfaces.lengths[one])
+    return lengths
 
 
 def alignment(surfaces: SurfaceArrays) -> FloatArray:
@@ -65,8 +60,16 @@ def alignment(surfaces: SurfaceArrays) -> FloatArray:
     return np.asarray(turns @ (surfaces.lengths @ turns) / surfaces.lengths.sum())
 
 
+def _in_line(surfaces: SurfaceArrays, one: IntArray, two: IntArray) -> FloatArray:
+    """Return how much the second surface of each pair is in line with the first, 0 to 1, [P]."""
+    x, y = in_frames(surfaces, one, surfaces.segments[two])
+    gap = np.maximum(np.abs(x.mean(axis=1)) - surfaces.lengths[one] / 2, 0)
+    beside = np.abs(y).max(axis=1) / (OFFSET_M + OFFSET_GROWTH * gap)
+    return np.asarray(np.clip(1 - gap / REACH_M, 0, 1) * np.clip(1 - beside, 0, 1))
+
+
 def _near_lines(surfaces: SurfaceArrays) -> tuple[IntArray, IntArray]:
-    """Return pairs of surfaces, the middle of the second near the line of the first."""
+    """Return pairs of surfaces, each once, the middle of one near the line of the other."""
     total = len(surfaces)
     half = (surfaces.lengths / 2 + REACH_M)[:, None] * surfaces.tangents
     borders = np.linspace(-1, 1, BOXES + 1)[:, None]
@@ -75,6 +78,8 @@ def _near_lines(surfaces: SurfaceArrays) -> tuple[IntArray, IntArray]:
     low = np.minimum(points[:, :-1], points[:, 1:]).reshape(-1, 2) - margin
     high = np.maximum(points[:, :-1], points[:, 1:]).reshape(-1, 2) + margin
     tree = shapely.STRtree(points_of(surfaces.midpoints))
-    box, j = tree.query(shapely.box(*low.T, *high.T))
-    i, j = np.divmod(np.unique(box // BOXES * total + j), total)
-    return i[i != j], j[i != j]
+    box, near = tree.query(shapely.box(*low.T, *high.T))
+    asking = box // BOXES
+    keys = np.minimum(asking, near) * total + np.maximum(asking, near)
+    one, two = np.divmod(np.unique(keys), total)
+    return one[one != two], two[one != two]

@@ -173,6 +173,17 @@ class FittingConfig(_Config):
     window_spacing_m: Interval[Spacing] = Field(
         default=(1.5, 5.0), description="Length of outer wall for each window."
     )
+    curtain_share: Choices[Share] = Field(
+        default=(0.0, 0.0, 0.0, 0.2),
+        description="Outer walls of rooms that are windows between mullions from end to end; one "
+        "is drawn per building.",
+    )
+    mullion_m: Interval[Length] = Field(
+        default=(0.06, 0.15), description="Width of the mullions of such walls."
+    )
+    pane_m: Interval[Spacing] = Field(
+        default=(0.8, 2.5), description="Largest distance between them."
+    )
 
 
 class ViewConfig(_Config):

@@ -72,18 +72,28 @@ def draw_doors(
 
 
 def draw_windows(gaps: WallGaps, rng: Generator, config: FittingConfig) -> list[Cutout]:
-    """Draw rows of equal windows in some of the outer walls whose gaps are given."""
-    share = rng.choice(config.window_share)
+    """Draw windows in the outer walls whose gaps are given.
+
+    Some of them have rows of equal windows, others are glass from end to end but for mullions.
+    """
+    share, curtain_share = rng.choice(config.window_share), rng.choice(config.curtain_share)
     width, spacing = rng.uniform(*config.window_width_m), rng.uniform(*config.window_spacing_m)
+    mullion, pane = rng.uniform(*config.mullion_m), rng.uniform(*config.pane_m)
     windows = []
-    for gap in np.flatnonzero(rng.random(len(gaps)) < share):
+    for gap in range(len(gaps)):
         length = float(gaps.lengths[gap])
-        count = max(1, int(length / spacing))
-        fitting = min(width, length / count - 2 * WINDOW_PIER_M)
-        if fitting >= config.window_width_m[0]:
-            for number in range(count):
-                where = (number + 0.5) * length / count - fitting / 2
-                windows.append(_cutout(gaps, int(gap), where, fitting))
+        if rng.random() < curtain_share:
+            count = int(np.ceil(length / pane))
+            fitting, least = length / count - mullion, SHORTEST_PIECE_M
+        elif rng.random() < share:
+            count = max(1, int(length / spacing))
+            fitting = min(width, length / count - 2 * WINDOW_PIER_M)
+            least = config.window_width_m[0]
+        else:
+            continue
+        for number in range(count if fitting >= least else 0):
+            where = (number + 0.5) * length / count - fitting / 2
+            windows.append(_cutout(gaps, gap, where, fitting))
     return windows
 
 

@@ -21,16 +21,23 @@ def surfaces(*rows: tuple[list[list[float]], list[float]]) -> SurfaceArrays:
 def test_surfaces_in_line_count_by_their_length_their_distance_and_their_side() -> None:
     line = surfaces(
         ([[0, 0], [2, 0]], [0, 1]),
-        ([[6, 0], [9, 0]], [0, 1]),  # its middle lies 5.5 m from the first surface's end
-        ([[-8, 0.05], [-4, 0.05]], [0, -1]),  # half of the 10 cm and 6 m / 100 aside that count
+        ([[6, 0], [9, 0]], [0, 1]),  # its end lies 5 m from the first surface's middle
+        ([[-8, 0.05], [-4, 0.05]], [0, -1]),  # a third of the 10 cm and 5 m / 100 aside that count
         ([[30, 0], [34, 0]], [0, 1]),
         ([[0, 3], [2, 3]], [0, -1]),
         ([[1, 1], [1, 2]], [1, 0]),
     )
     same, other = collinear_lengths(line)[0]
-    assert same == pytest.approx(3 * (1 - 5.5 / 20))
-    assert other == pytest.approx(4 * (1 - 6 / 20) * (1 - 0.05 / 0.16))
+    assert same == pytest.approx(3 * (1 - 5 / 20))  # from the second's end to the first's middle
+    assert other == pytest.approx(4 * (1 - 5 / 20) * (1 - 0.05 / 0.15))
     assert collinear_lengths(line)[[4, 5]] == pytest.approx(np.zeros((2, 2)))
+
+
+def test_of_a_long_and_a_short_surface_the_long_ones_line_counts() -> None:
+    pair = surfaces(([[0, 0], [6, 0]], [0, 1]), ([[10, 0], [10.4, 0.04]], [-0.0995, 0.995]))
+    lengths = collinear_lengths(pair)[:, 0]
+    weight = (1 - 4.2 / 20) * (1 - 0.04 / 0.142)
+    assert lengths == pytest.approx([weight * pair.lengths[1], weight * 6])
 
 
 def test_the_walls_of_a_block_support_one_another_and_what_stands_askew_has_no_support() -> None:

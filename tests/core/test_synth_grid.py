@@ -28,7 +28,11 @@ from sgraph_core.synth.surfaces import Floor, draw_surfaces
 
 FREE, OCCUPIED, UNKNOWN = OccupancyGrid.FREE, OccupancyGrid.OCCUPIED, OccupancyGrid.UNKNOWN
 CLOSED = FittingConfig(
-    door_share=(0.0,), facade_share=0.0, furnished_share=(0.0,), window_share=(0.0,)
+    door_share=(0.0,),
+    facade_share=0.0,
+    furnished_share=(0.0,),
+    window_share=(0.0,),
+    curtain_share=(0.0,),
 )
 EMPTY = GridConfig(
     resolution_m=(0.05,),

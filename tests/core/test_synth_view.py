@@ -102,7 +102,11 @@ def test_a_column_hides_what_is_behind_it() -> None:
 
 def test_behind_closed_doors_a_robot_maps_the_rooms_that_it_enters() -> None:
     closed = FittingConfig(
-        door_share=(0.0,), window_share=(0.0,), facade_share=0.0, furnished_share=(0.0,)
+        door_share=(0.0,),
+        window_share=(0.0,),
+        curtain_share=(0.0,),
+        facade_share=0.0,
+        furnished_share=(0.0,),
     )
     plan = SMALL.model_copy(update={"open_plan_share": (0.0,)})
     for seed in range(8):
