@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -50,10 +50,15 @@ def load(path: str | Path, progress: Progress = lambda _what, _done, _total: Non
     return map_file.load(path) if known is None else known.load(Path(path), progress)
 
 
-def check_outputs(path: str | Path, outputs: Iterable[Path]) -> None:
+def check_outputs(path: str | Path, outputs: Sequence[Path], beside: Sequence[Path] = ()) -> None:
     """Check before the work that its outputs will not replace the map that it begins with.
 
     A sgraph-map JSON file may be replaced: what is written holds all that it held.
+
+    Args:
+        path: the map.
+        outputs: files that a person named.
+        beside: files that will be written beside them.
 
     Raises:
         InputError: an output is a file of a map in another format, or named like one.
@@ -61,9 +66,10 @@ def check_outputs(path: str | Path, outputs: Iterable[Path]) -> None:
     """
     known = _format_of(path)
     inputs = [] if known is None else [file.resolve() for file in known.files(Path(path))]
-    for output in outputs:
+    for output in (*outputs, *beside):
         if output.resolve() in inputs:
             raise InputError(f"{output}: belongs to the map that is read, and is not replaced")
+    for output in outputs:
         named = _format_of(output)
         if named is not None:
             suffixes = ", ".join(named.suffixes)

@@ -94,6 +94,9 @@ def draw(graph: SGraph, axes: Axes) -> None:
         axes.plot(*poses[:, :2].T, ".-", color="0.35", lw=0.6, ms=2, zorder=5, label="keyframes")
         axes.legend(loc="upper right", fontsize="small")
     if graph.grid is not None:
+        if not len(graph.wall_surfaces.ids):
+            axes.update_datalim(_corners(graph.grid))
+            axes.autoscale_view()
         _draw_grid(graph.grid, axes)
     axes.set_aspect("equal")
     axes.set_xlabel("x [m]")
@@ -124,9 +127,6 @@ def _draw_grid(grid: OccupancyGrid, axes: Axes) -> None:
     from matplotlib.colors import ListedColormap
     from matplotlib.transforms import Affine2D
 
-    if not axes.has_data():
-        axes.update_datalim(_corners(grid))
-        axes.autoscale_view()
     axes.autoscale(False)  # the picture shows what was found, not all of the grid
     step = max(1, *(side // MOST_GRID_PIXELS for side in grid.cells.shape))
     cells = _coarse(grid.cells, step)

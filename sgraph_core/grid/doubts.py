@@ -11,22 +11,26 @@ __all__ = ["doubt"]
 
 BLOCK_M = 0.6
 """No wall of a robot's map fills a square of this side, and every room holds one."""
+MOST = 4
+"""So many times as much is most."""
 
 Mask = NDArray[np.bool_]
 
 
-def doubt(grid: OccupancyGrid) -> str | None:
-    """Say what is wrong with a grid in which no room can be, or None."""
+def doubt(grid: OccupancyGrid, remedy: str) -> str | None:
+    """Say what is wrong with a grid in which no room can be, or None.
+
+    Args:
+        grid: the grid.
+        remedy: what would exchange free and occupied.
+    """
     free, occupied = OccupancyGrid.FREE, OccupancyGrid.OCCUPIED
     if not (grid.cells == free).any():
-        return "no cell is free, so there are no rooms (negate in the YAML turns free and occupied)"
+        return f"no cell is free, so there are no rooms ({remedy} if the map is inverted)"
     if not (grid.cells != free).any():
         return "all cells are free, so there are no rooms"
     if _looks_inverted(_full_blocks(grid, free), _full_blocks(grid, occupied)):
-        return (
-            "most of what is enclosed is occupied: the map looks inverted (negate in the YAML "
-            "turns free and occupied)"
-        )
+        return f"most of what is enclosed is occupied: the map looks inverted ({remedy})"
     return None
 
 
@@ -46,12 +50,13 @@ def _looks_inverted(free: Mask, occupied: Mask) -> bool:
     """Tell whether space is thick where it is occupied and thin where it is free.
 
     Either nowhere is enough space free for a robot, or the regions that do not reach the border
-    are mostly occupied, while outside is free.
+    are mostly occupied: rooms, where outside is free. Solid blocks in a hall or inside a ring of
+    corridors are less.
     """
     if not free.any():
         return bool(occupied.any())
     inside = int(_enclosed(occupied).sum())
-    return inside > int(_enclosed(free).sum()) and inside > int(free.sum()) // 4
+    return inside > MOST * int(_enclosed(free).sum()) and MOST * inside > int(free.sum())
 
 
 def _enclosed(mask: Mask) -> Mask:

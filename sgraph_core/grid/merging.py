@@ -16,7 +16,8 @@ __all__ = ["merged"]
 
 LARGEST_TURN_COSINE = np.cos(np.radians(25.0))
 """Short pieces may be this far off the line that they are part of."""
-CHUNK = 4096
+CHUNK = 512
+"""How many gaps are sampled at a time."""
 
 
 @dataclass
@@ -28,7 +29,7 @@ class _Group:
     mean: FloatArray  # [2]
     scatter: FloatArray  # [2, 2]
 
-    def with_(self, other: _Group) -> _Group:
+    def joined(self, other: _Group) -> _Group:
         weight = self.weight + other.weight
         apart = other.mean - self.mean
         outer = np.outer(apart, apart) * (self.weight * other.weight / weight)
@@ -81,7 +82,7 @@ def merged(
         first, second = sorted((find(one), find(two)))
         if first == second:
             continue
-        both = groups[first].with_(groups[second])
+        both = groups[first].joined(groups[second])
         if both.line()[1] <= tolerance:
             groups[first] = both
             group_of[second] = first

@@ -18,9 +18,10 @@ Mask = NDArray[np.bool_]
 Told = Callable[[int], object]
 """Told after every strip up to which row the work is done."""
 
-FEWEST_ROWS = 64
 STRIP_CELLS = 2**20
 """How many cells are worked on at a time; contouring needs some 30 bytes for each of them."""
+FEWEST_ROWS = 16
+"""Strips of very wide grids are larger, lest most of a strip is what it shares with others."""
 
 
 def free_space(grid: OccupancyGrid, narrowest_m: float, told: Told) -> Mask:
@@ -89,6 +90,8 @@ def enclosed_area(line: FloatArray) -> float:
 
 def _strips(shape: tuple[int, ...]) -> Iterator[tuple[int, int]]:
     height, width = shape
+    if width == 0:
+        return
     step = max(FEWEST_ROWS, STRIP_CELLS // width)
     for low in range(0, height, step):
         yield low, min(low + step, height)

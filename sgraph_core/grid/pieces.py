@@ -54,11 +54,11 @@ def straight_pieces(lines: list[FloatArray], tolerance: float) -> Pieces:
     return _with_corners(pieces, onward, tolerance)
 
 
-def directions(chords: FloatArray, scatters: FloatArray) -> FloatArray:
-    """Return the unit directions of the total least-squares lines, along the chords, [N, 2]."""
+def directions(ends: FloatArray, scatters: FloatArray) -> FloatArray:
+    """Return the total least-squares lines' unit directions, from first to last end, [N, 2]."""
     double = np.arctan2(2 * scatters[:, 0, 1], scatters[:, 0, 0] - scatters[:, 1, 1])
     along = np.stack([np.cos(double / 2), np.sin(double / 2)], axis=1)
-    forward = dot(along, chords[:, 1] - chords[:, 0]) >= 0
+    forward = dot(along, ends[:, 1] - ends[:, 0]) >= 0
     return np.where(forward[:, None], along, -along)
 
 

@@ -57,6 +57,8 @@ def open_png(file: BinaryIO, path: Path) -> Picture:
             raise MapFileError(path, "", None, "is cut off: pixels are missing")
         file.seek(0)
         image = PngImageFile(file)  # not Image.open, whose limit of pixels is lower and global
+        if image.size != (width, height):  # a second header, of a size that was not checked
+            raise MapFileError(path, "", None, "is damaged: it has two headers")
         image.load()
     except DAMAGED as error:
         raise MapFileError(path, "", None, f"is damaged: {error}") from error

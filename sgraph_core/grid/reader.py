@@ -11,7 +11,7 @@ import numpy as np
 
 from sgraph_concepts.errors import MapFileError, MapWarning
 from sgraph_concepts.types import OccupancyGrid
-from sgraph_core.grid.description import GridDescription, read_description
+from sgraph_core.grid.description import GridDescription, Mode, read_description
 from sgraph_core.grid.doubts import doubt
 from sgraph_core.grid.image import Progress, read_cells
 
@@ -56,7 +56,8 @@ def _doubts(description: GridDescription, coloured: float, grid: OccupancyGrid) 
         yield f"{names}{more}: no key of map_server, not read"
     if coloured > MOST_COLOURED:
         yield f"{coloured:.0%} of the image is coloured; colours count as their mean brightness"
-    doubtful = doubt(grid)
+    inverted = f"set negate: {int(not description.negate)} in the YAML"
+    doubtful = doubt(grid, "invert the image" if description.mode is Mode.RAW else inverted)
     if doubtful is not None:
         yield doubtful
 

@@ -32,8 +32,8 @@ class SurfaceSettings(BaseModel):
     lone_gap_m: float = Field(
         0.1,
         ge=0,
-        description="Things this close to one another count as one thing, since walls "
-        "may be broken into short pieces.",
+        description="Things this close to one another count as one thing; thin things in line do "
+        "so up to the widest gap, since walls may be broken into short pieces.",
     )
     outline_tolerance_m: float = Field(
         0.075,

@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
+import json
 import tracemalloc
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from PIL import Image
 
 from sgraph_concepts.types import OccupancyGrid, SurfaceArrays
-from sgraph_core.evaluation.grid_surfaces import score_surfaces
+from sgraph_core.evaluation.grid_surfaces import score_surfaces, true_surfaces
 from sgraph_core.grid.extraction import extract, extract_surfaces
+from sgraph_core.grid.reader import read_grid
+from sgraph_core.grid.settings import SurfaceSettings
 
 FREE, OCCUPIED, UNKNOWN = OccupancyGrid.FREE, OccupancyGrid.OCCUPIED, OccupancyGrid.UNKNOWN
+DOCS = Path(__file__).parent.parent.parent / "docs"
 RESOLUTIONS = [0.02, 0.05, 0.1]
 
 
@@ -125,11 +134,12 @@ def test_there_is_no_surface_across_a_doorway(resolution):
 
 
 @pytest.mark.parametrize("resolution", RESOLUTIONS)
-def test_a_wall_broken_into_short_pieces_is_one_surface_on_each_side(resolution):
+@pytest.mark.parametrize("length", [0.4, 0.3])
+def test_a_wall_broken_into_short_pieces_is_one_surface_on_each_side(length, resolution):
     room = shapely.box(0.5, 0.5, 7.5, 5.5)
-    pieces = [(x, 3, x + 0.4, 3.1) for x in np.arange(1, 6.5, 0.5)]
+    pieces = [(x, 3, x + length, 3.1) for x in np.arange(1, 6.5, 0.5)]
     grid = painted(resolution, (8, 6), (room, FREE), *((piece, OCCUPIED) for piece in pieces))
-    wall = shapely.box(1, 3, 6.4, 3.1)
+    wall = shapely.box(1, 3, 6 + length, 3.1)
     found = extract_surfaces(grid)
     long = found.take(found.lengths > 1)
     true = together(sides(room), around(wall))
@@ -171,7 +181,7 @@ def test_rays_through_a_window_leave_the_wall_whole(resolution):
 
 
 @pytest.mark.parametrize("value", [FREE, OCCUPIED, UNKNOWN])
-@pytest.mark.parametrize("shape", [(1, 1), (1, 40), (40, 1), (50, 60)])
+@pytest.mark.parametrize("shape", [(0, 0), (0, 5), (5, 0), (1, 1), (1, 40), (40, 1), (50, 60)])
 @pytest.mark.filterwarnings("error")
 def test_a_grid_of_one_kind_of_cells_has_no_surfaces(value, shape):
     grid = OccupancyGrid(np.full(shape, value, np.uint8), 0.05, np.zeros(3))
@@ -179,6 +189,19 @@ def test_a_grid_of_one_kind_of_cells_has_no_surfaces(value, shape):
     assert len(graph.wall_surfaces.ids) == 0
     assert graph.grid is grid
     assert graph.name == "empty"
+
+
+@given(
+    arrays(np.uint8, st.tuples(st.integers(1, 40), st.integers(1, 40)), elements=st.integers(0, 2)),
+    st.sampled_from([0.02, 0.1, 0.5, 3.0]),
+)
+@pytest.mark.filterwarnings("error")
+def test_any_grid_gives_surfaces_that_an_s_graph_accepts(cells, resolution):
+    grid = OccupancyGrid(cells, resolution, np.array([3e6, -2e6, 1.0]))
+    table = extract(grid).wall_surfaces
+    inside = grid.to_cells(table.segments)
+    assert (inside > -5).all()
+    assert (inside < np.array(cells.shape)[::-1] + 5).all()
 
 
 def clutter(seed: int, resolution: float = 0.05) -> OccupancyGrid:
@@ -201,6 +224,7 @@ def in_order(segments: np.ndarray) -> np.ndarray:
 def test_surfaces_move_and_turn_with_the_origin(seed):
     grid = clutter(seed)
     still = extract_surfaces(grid)
+    assert still.ids.tolist() == list(range(len(still)))
     moved = extract_surfaces(replace(grid, origin=np.array([100.0, -20.0, 0.7])))
     turn = np.array([[np.cos(0.7), np.sin(0.7)], [-np.sin(0.7), np.cos(0.7)]])
     np.testing.assert_allclose(moved.segments, still.segments @ turn + [100, -20], atol=1e-9)
@@ -268,3 +292,41 @@ def test_memory_beside_the_grid_is_bounded_by_its_cells():
         tracemalloc.stop()
     assert len(surfaces) == 4 * len(rooms)
     assert peak < grid.cells.size + 30e6
+
+
+def listed(name: str) -> list[str]:
+    lines = (DOCS / "splits" / f"{name}.txt").read_text(encoding="utf-8").splitlines()
+    return [line for line in lines if line and not line.startswith("#")]
+
+
+def kind_of(name: str) -> str:
+    if name.startswith("robot-"):
+        return "robot"
+    return "furnished" if name.endswith("-furnished") else "plain"
+
+
+@pytest.mark.parametrize(
+    ("split", "kind", "recall", "precision"),
+    [
+        ("grids-selection", "plain", 0.98, 0.99),
+        ("grids-selection", "furnished", 0.92, 0.88),
+        ("grids-selection", "robot", 0.78, 0.8),
+        ("grids-report", "plain", 0.96, 0.97),
+        ("grids-report", "furnished", 0.85, 0.8),
+    ],
+)
+def test_surfaces_of_labelled_grids(real_buildings, split, kind, recall, precision):
+    scores = []
+    for name in (name for name in listed(split) if kind_of(name) == kind):
+        folder = real_buildings / "grids" / name
+        grid = read_grid(folder / "map.yaml")
+        labels = np.array(Image.open(folder / "rooms.png"))[::-1]
+        scores.append(score_surfaces(extract_surfaces(grid), true_surfaces(grid, labels)))
+    assert np.mean([score.recall for score in scores]) > recall
+    assert np.mean([score.precision for score in scores]) > precision
+
+
+def test_every_setting_is_documented_with_its_default():
+    text = (DOCS / "grids.md").read_text(encoding="utf-8")
+    for name, field in SurfaceSettings.model_fields.items():
+        assert f"| `{name}` | {json.dumps(field.default)} | {field.description} |" in text

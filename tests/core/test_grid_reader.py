@@ -276,10 +276,15 @@ def on_yellow(pixels: np.ndarray) -> np.ndarray:
     [
         (np.full((20, 20), UNKNOWN, np.uint8), {}, "no cell is free, so there are no rooms"),
         (np.full((20, 20), FREE, np.uint8), {}, "all cells are free, so there are no rooms"),
-        (two_rooms(), {"negate": 1}, "the map looks inverted (negate in the YAML"),
-        (255 - two_rooms(), {}, "the map looks inverted (negate in the YAML"),
+        (two_rooms(), {"negate": 1}, "the map looks inverted (set negate: 0 in the YAML)"),
+        (255 - two_rooms(), {}, "the map looks inverted (set negate: 1 in the YAML)"),
         (255 - two_rooms(outside=OCCUPIED), {}, "the map looks inverted"),
         (255 - two_rooms(outside=FREE), {}, "the map looks inverted"),
+        (
+            np.full((9, 9), 100, np.uint8),
+            {"mode": "raw"},
+            "no cell is free, so there are no rooms (inv",
+        ),
         (two_rooms(), {"layer": "{a: [1]}", "x\\ny": 1}, "layer, x\\ny: no key of map_server"),
         (on_yellow(two_rooms()), {}, "27% of the image is coloured"),
     ],
@@ -293,6 +298,16 @@ def test_what_looks_wrong_is_read_with_a_warning(
     assert grid.cells.shape == pixels.shape[:2]
     assert str(caught[0].message).startswith(f"{file}: ")
     assert "\n" not in str(caught[0].message)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("outside", [UNKNOWN, FREE, OCCUPIED])
+def test_corridors_around_a_solid_block_give_no_warning(tmp_path: Path, outside: int) -> None:
+    pixels = np.full((300, 400), outside, np.uint8)
+    pixels[8:292, 8:392] = OCCUPIED
+    pixels[10:290, 10:390] = FREE
+    pixels[50:250, 50:350] = OCCUPIED
+    read_grid(write_map(tmp_path, pixels))
 
 
 @pytest.mark.filterwarnings("error")

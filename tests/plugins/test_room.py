@@ -25,7 +25,7 @@ from sgraph_core.detector import Detector, Scorer
 from sgraph_core.graph import SGraph
 from sgraph_core.proximity import build_scene
 from sgraph_plugins.room.cluster import cluster
-from sgraph_plugins.room.shape import outline
+from sgraph_plugins.room.outline import outline
 
 
 def outline_of(graph: SGraph, *missing: int) -> shapely.Polygon:

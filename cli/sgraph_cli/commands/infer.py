@@ -34,7 +34,10 @@ def infer(
     output: Annotated[
         Path | None,
         typer.Option(
-            "-o", "--output", help="Write the map with its concepts here; may equal a JSON MAP."
+            "-o",
+            "--output",
+            help="Write the map with its concepts here; may equal a JSON MAP. If it ends in .png: "
+            "of an occupancy grid, an image of the rooms' labels, and a YAML file beside it.",
         ),
     ] = None,
     plot: Annotated[
@@ -82,14 +85,24 @@ def infer(
     factors = by_concept(factor or [], "--factor")
     detector = make_detector(scorer, weights, clusterer)
     from sgraph_core.formats import check_outputs
+    from sgraph_core.grid.label_image import (
+        SUFFIX,
+        check_label_image,
+        description_of,
+        save_label_image,
+    )
     from sgraph_core.map_file import dump, save
     from sgraph_core.plotting import check_name
     from sgraph_core.plotting import plot as draw
 
     if plot is not None:
         check_name(plot)
-    check_outputs(map_file, [file for file in (output, plot) if file is not None])
+    paints = output is not None and output.suffix.lower() == SUFFIX
+    beside = [description_of(output)] if output is not None and paints else []
+    check_outputs(map_file, [file for file in (output, plot) if file is not None], beside)
     graph = load_map(map_file)
+    if output is not None and paints:
+        check_label_image(graph, output)
     if optimize:
         from sgraph_core.api import infer_and_optimize
 
@@ -99,7 +112,7 @@ def infer(
         result = detector.infer(graph, concept)
     answered = None if question is None else answer(question, result, detector)
     if output is not None:
-        save(result, output)
+        (save_label_image if paints else save)(result, output)
     if plot is not None:
         draw(result, plot)
     if answered is not None:
