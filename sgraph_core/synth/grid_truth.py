@@ -17,6 +17,8 @@ NEAR_M = 0.15
 """A surface lies on a true piece when it is no farther from it."""
 POINTS = (np.arange(9) + 0.5) / 9
 """Where along a surface it is asked what it lies on, as shares of its length."""
+IN_FRONT_M = 0.1
+"""What lies on no wall belongs to the room that its middle has so far in front."""
 NOTHING = -1
 
 
@@ -25,8 +27,10 @@ def surface_truth(
 ) -> BuildingTruth:
     """Return the rooms of surfaces and which of them are the sides of a wall.
 
-    Surfaces that lie on no room's piece belong to no room. Two are a wall where they lie back to
-    back as the true sides of walls do and both lie on structural pieces.
+    Surfaces belong to the room of the wall that they lie on. Others, such as furniture and the
+    borders of what is known, belong to the room that they face: whoever draws a room into a robot's
+    grid draws it around them. Outside of rooms, and in doorways, surfaces belong to none. Two are a
+    wall where they lie back to back as the true sides of walls do and both lie on walls.
 
     Args:
         surfaces: N surfaces.
@@ -34,11 +38,25 @@ def surface_truth(
         polygons: outlines of the rooms.
     """
     own = pieces_of(surfaces, pieces)
-    rooms = np.where(own == NOTHING, NO_ROOM, pieces.rooms[own])
     structural = (own != NOTHING) & pieces.structural[own]
+    rooms = np.where(structural, pieces.rooms[own], _faced(surfaces, polygons))
     gaps = wall_gaps(surfaces.segments, surfaces.normals)
     sides = np.stack([gaps.one, gaps.two], axis=1)
     return BuildingTruth(surfaces, rooms, polygons, sides[structural[sides].all(axis=1)])
+
+
+def _faced(surfaces: SurfaceArrays, polygons: list[FloatArray]) -> IntArray:
+    """Return the room that lies in front of each surface's middle, -1 for none, [N].
+
+    The outline of a corridor that runs around rooms encloses theirs, so the smallest counts.
+    """
+    in_front = points_of(surfaces.midpoints + IN_FRONT_M * surfaces.normals)
+    rooms = np.full(len(surfaces), NO_ROOM)
+    outlines = [shapely.Polygon(corners) for corners in polygons]
+    row, room = shapely.STRtree(outlines).query(in_front, predicate="within")
+    shrinking = np.argsort(-shapely.area(outlines)[room], kind="stable")
+    rooms[row[shrinking]] = room[shrinking]  # of several values for a row, the last one stays
+    return rooms
 
 
 def pieces_of(surfaces: SurfaceArrays, pieces: Pieces) -> IntArray:

@@ -65,6 +65,7 @@ def drawn(built: Floor, grid: GridConfig, seed: int = 0) -> GridBuilding:
 
 
 TWO_ROOMS = (box(0, 0, 5, 4), box(5.2, 0, 9, 4))
+OUTLINES = [shapely.get_coordinates(room.exterior)[:-1] for room in TWO_ROOMS]
 
 
 def test_polygons_with_holes_fill_the_cells_whose_centres_they_hold() -> None:
@@ -220,15 +221,26 @@ def test_the_truth_of_surfaces_made_by_hand() -> None:
         ([[0.5, -0.1], [3.0, -0.1]], [0, 1], 0),  # 10 cm off
         ([[0.5, -0.2], [3.0, -0.2]], [0, 1], -1),  # 20 cm off
         ([[0.5, 0.0], [3.0, 0.0]], [0, -1], -1),  # faces the other way
-        ([[1.0, 1.0], [1.0, 2.0]], [-1, 0], -1),  # a box in the room
+        ([[1.0, 1.0], [1.0, 2.0]], [-1, 0], 0),  # a box in the room
+        ([[5.1, 1.5], [5.15, 1.6]], [0, 1], -1),  # in the wall
         ([[3.0, 4.0], [7.8, 4.0]], [0, -1], 1),  # through both rooms, more in the second
     ]
     ends = np.array([segment for segment, _, _ in rows], np.float64)
     across = np.array([normal for _, normal, _ in rows], np.float64)
     surfaces = SurfaceArrays(np.arange(len(rows)), ends, across)
-    truth = surface_truth(surfaces, Pieces.joined(pieces, clutter), [])
+    truth = surface_truth(surfaces, Pieces.joined(pieces, clutter), OUTLINES)
     assert truth.rooms.tolist() == [room for _, _, room in rows]
     assert truth.walls.tolist() == [[0, 1]]
+
+
+def test_in_a_core_surfaces_belong_to_its_rooms_and_not_to_the_corridor_around_it() -> None:
+    ring = np.array([[0, 0], [9, 0], [9, 9], [0, 9]], np.float64)
+    core = np.array([[3, 3], [6, 3], [6, 6], [3, 6]], np.float64)
+    far_off = Pieces(*all_edges([box(50, 50, 51, 51)])[:2], np.zeros(4, int), np.ones(4, bool))
+    ends = np.array([[[4.0, 4.0], [5.0, 4.0]], [[1.0, 1.0], [2.0, 1.0]]])
+    surfaces = SurfaceArrays(np.arange(2), ends, np.array([[0.0, 1.0], [0.0, 1.0]]))
+    for polygons, expected in (([ring, core], [1, 0]), ([core, ring], [0, 1])):
+        assert surface_truth(surfaces, far_off, polygons).rooms.tolist() == expected
 
 
 def test_a_scanned_grid_knows_no_more_than_the_robot_sees() -> None:
@@ -246,23 +258,25 @@ def test_a_scanned_grid_knows_no_more_than_the_robot_sees() -> None:
 def test_furniture_stands_in_rooms_clear_of_doors_and_of_other_furniture() -> None:
     doors = CLOSED.model_copy(update={"door_share": (1.0,), "furnished_share": (1.0,)})
     crowded = GridConfig(cupboard_share=(1.0,), table_share=(1.0,))
-    cupboards, legs = [], []
+    standing_by_walls = 0
     for seed in range(6):
         rng = np.random.default_rng(seed)
         built = floor(*TWO_ROOMS, fittings=doors, seed=seed)
         cupboards = stand_cupboards(built, rng, crowded)
         standing = [*built.furniture, *cupboards]
         legs = stand_tables(built.rooms, standing, rng, crowded)
-        assert len(cupboards) > 1
+        standing_by_walls += len(cupboards)
         assert len(legs) % 4 == 0
         free = shapely.union_all([room.buffer(0.02) for room in built.rooms])
         assert all(free.contains(body) for body in [*standing, *legs])
         ways = shapely.polygons(built.doors)
         assert all(shapely.distance(ways, body).min() > 0.5 for body in cupboards)
-        for one, two in zip(*np.triu_indices(len(standing), k=1), strict=True):
-            assert standing[one].intersection(standing[two]).area < 0.05
+        for number, body in enumerate(cupboards, len(built.furniture)):
+            shared = shapely.area(shapely.intersection(body, standing[:number]))
+            assert shared.max(initial=0) < 0.05
         against = [shapely.distance(room.exterior, b) for room in built.rooms for b in cupboards]
         assert sum(distance < 1e-6 for distance in against) == len(cupboards)
+    assert standing_by_walls > 10
 
 
 def test_a_drawn_grid_is_labelled_under_its_furniture() -> None:
