@@ -96,7 +96,8 @@ def doorways_on_shared_borders(
         cell_m: side of a cell. Outlines cut the corners of cells: a shared border ends half a
             cell before each wall.
     """
-    names, borders = list(rooms), [polygon.boundary for polygon in rooms.values()]
+    names = list(rooms)
+    borders = np.array([polygon.boundary for polygon in rooms.values()], object)
     one, two = shapely.STRtree(borders).query(borders, predicate="intersects")
     found = []
     for k, m in zip(one.tolist(), two.tolist(), strict=True):

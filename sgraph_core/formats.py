@@ -21,13 +21,11 @@ class Format:
     """A map format other than sgraph-map JSON.
 
     Attributes:
-        name: what the format is called.
         suffixes: of its files, in lower case.
         load: returns the S-Graph of a file.
         files: returns all files that a map consists of.
     """
 
-    name: str
     suffixes: tuple[str, ...]
     load: Callable[[Path, Progress], SGraph]
     files: Callable[[Path], Iterable[Path]]
@@ -94,4 +92,4 @@ def _grid_files(path: Path) -> Iterable[Path]:
     return grid_files(path)
 
 
-FORMATS = (Format("ROS map_server", (".yaml", ".yml"), _load_grid, _grid_files),)
+FORMATS = (Format((".yaml", ".yml"), _load_grid, _grid_files),)

@@ -24,7 +24,7 @@ LARGEST_SIDE_INCH = 14.0
 SMALLEST_SIDE_INCH = 5.0
 INCHES_PER_METRE = 0.5
 MOST_GRID_PIXELS = 2000
-"""Longer sides of a grid are thinned out: a picture has no more pixels."""
+"""Longer sides of a grid are thinned out: a picture has hardly more pixels."""
 GRID_COLOURS = ("1.0", "0.4", "0.85")
 """Of free, occupied and unknown cells."""
 
@@ -128,7 +128,7 @@ def _draw_grid(grid: OccupancyGrid, axes: Axes) -> None:
     from matplotlib.transforms import Affine2D
 
     axes.autoscale(False)  # the picture shows what was found, not all of the grid
-    step = max(1, *(side // MOST_GRID_PIXELS for side in grid.cells.shape))
+    step = max(1, *(-(-side // MOST_GRID_PIXELS) for side in grid.cells.shape))
     cells = _coarse(grid.cells, step)
     to_world = Affine2D().scale(grid.resolution).rotate(grid.origin[2]).translate(*grid.origin[:2])
     height, width = cells.shape

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 __all__ = ["adjacency"]
 
 
-def adjacency(graph: SGraph) -> networkx.Graph:
+def adjacency(graph: SGraph) -> networkx.Graph[int]:
     """Return which rooms of an S-Graph lead into one another.
 
     Returns:
@@ -28,7 +28,7 @@ def adjacency(graph: SGraph) -> networkx.Graph:
 
     if "room" not in graph.concepts:
         raise InputError("the S-Graph holds no rooms: infer them first")
-    result = networkx.Graph()
+    result: networkx.Graph[int] = networkx.Graph()
     for room in graph.concepts["room"]:
         area = room.shape.attributes.get("area_m2")
         result.add_node(room.id, centre=room.shape.centre, area_m2=area, name=room.name)

@@ -25,6 +25,7 @@ __all__ = [
     "load_map",
     "make_detector",
     "refuse_beside",
+    "warn_about_absent",
     "warn_about_lists",
 ]
 
@@ -115,7 +116,12 @@ def warn_about_lists(paths: Sequence[Path], lists: Sequence[Path]) -> None:
     """Say on stderr which names of lists are of no map in any of the paths."""
     from sgraph_core.evaluation.sources import absent_names
 
-    for file, names in absent_names(paths, lists).items():
+    warn_about_absent(absent_names(paths, lists))
+
+
+def warn_about_absent(absent: Mapping[Path, Sequence[str]]) -> None:
+    """Say on stderr which names, by the list they stand in, are of no map."""
+    for file, names in absent.items():
         note(f"sgraph: warning: {file}: no PATH holds {', '.join(names)}")
 
 

@@ -16,7 +16,9 @@ __all__ = ["save_picture"]
 LONGEST_SIDE = 800
 GREY = {OccupancyGrid.FREE: 255, OccupancyGrid.OCCUPIED: 0, OccupancyGrid.UNKNOWN: 200}
 TRUE_BORDER = (200, 0, 0)
-PALETTE_COLOURS = 32
+PALETTE_COLOURS = 64
+STRIDE = 7
+"""Neighbouring numbers, which often are neighbouring rooms, get colours this far apart."""
 
 
 def save_picture(found: Found, path: str | Path) -> None:
@@ -40,7 +42,7 @@ def _drawn(found: Found) -> NDArray[np.uint8]:
     drawn = np.repeat(grey[found.grid.cells][..., None], 3, axis=2)
     colours = 255 * np.array(colormaps["tab20"].colors)  # type: ignore[attr-defined]
     inside = found.painted >= 0
-    drawn[inside] = (drawn[inside] + colours[found.painted[inside] % len(colours)]) / 2
+    drawn[inside] = (drawn[inside] + colours[STRIDE * found.painted[inside] % len(colours)]) / 2
     drawn[_borders(found.true)] = TRUE_BORDER
     return drawn
 

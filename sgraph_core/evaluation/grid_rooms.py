@@ -47,12 +47,13 @@ def score_rooms(
     kept, wanted = (size[1:] * cell_m2 >= SMALLEST_M2 for size in sizes)
     union = np.maximum(sizes[0][1:, None] + sizes[1][1:] - overlap[1:, 1:], 1)
     iou = (overlap[1:, 1:] / union)[np.ix_(kept, wanted)]
-    counts = []
-    for least in LEAST_IOU:
-        matched = matched_rows(iou >= least)
-        counts.append(Counts(int(matched.sum()), *iou.shape))
-    best = iou.max(axis=1, initial=0.0)[matched_rows(iou >= LEAST_IOU[0])]
-    return RoomScore(*counts, float(best.mean()) if len(best) else float("nan"))
+    loose, strict = (matched_rows(iou >= least) for least in LEAST_IOU)
+    best = iou.max(axis=1, initial=0.0)[loose]
+    return RoomScore(
+        Counts(int(loose.sum()), *iou.shape),
+        Counts(int(strict.sum()), *iou.shape),
+        float(best.mean()) if len(best) else float("nan"),
+    )
 
 
 def _overlaps(one: NDArray[np.integer], two: NDArray[np.integer]) -> NDArray[np.int64]:

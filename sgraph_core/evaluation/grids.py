@@ -26,6 +26,7 @@ __all__ = [
     "GridReport",
     "LabelledGrid",
     "Segmenter",
+    "absent_from",
     "as_rows",
     "evaluate",
     "find_grids",
@@ -133,6 +134,17 @@ def only_named(grids: Sequence[LabelledGrid], lists: Sequence[Path]) -> list[Lab
             raise InputError(f"{file}: names none of the grids")
         wanted |= names
     return [grid for grid in grids if grid.name in wanted]
+
+
+def absent_from(grids: Sequence[LabelledGrid], lists: Sequence[Path]) -> dict[Path, list[str]]:
+    """Return the names that are of none of the maps, sorted, by the list they stand in.
+
+    Raises:
+        InputError: a list cannot be read.
+    """
+    there = {grid.name for grid in grids}
+    absent = {file: sorted(read_list(file) - there) for file in lists}
+    return {file: names for file, names in absent.items() if names}
 
 
 def evaluate(

@@ -14,7 +14,7 @@ import yaml
 from sgraph_concepts.errors import MapFileError
 from sgraph_core.tables import LARGEST_COORDINATE_M
 
-__all__ = ["GridDescription", "Mode", "read_description"]
+__all__ = ["GridDescription", "Mode", "read_description", "shown"]
 
 LARGEST_YAML_BYTES = 2**16
 """map_server's files have 150 bytes; this leaves room for comments and other programs' keys."""
@@ -119,10 +119,10 @@ def _refuse_tricks(text: str, path: str | Path) -> None:
     for event in yaml.parse(text, Loader=yaml.BaseLoader):
         if isinstance(event, yaml.NodeEvent) and event.anchor is not None:
             rule = "anchors and aliases are not read"
-            raise MapFileError(path, _line(event), _shown(event.anchor), rule)
+            raise MapFileError(path, _line(event), shown(event.anchor), rule)
         tag = getattr(event, "tag", None)
         if tag is not None:
-            raise MapFileError(path, _line(event), _shown(tag), "tags are not read")
+            raise MapFileError(path, _line(event), shown(tag), "tags are not read")
         depth += isinstance(event, yaml.CollectionStartEvent)
         depth -= isinstance(event, yaml.CollectionEndEvent)
         if depth > DEEPEST_NESTING:
@@ -138,7 +138,7 @@ def _tree(node: yaml.Node, path: str | Path) -> Tree:
             if not isinstance(name, str):
                 raise MapFileError(path, _line(key), None, "a key must be text")
             if name in tree:
-                raise MapFileError(path, _line(key), _shown(name), "key occurs twice")
+                raise MapFileError(path, _line(key), shown(name), "key occurs twice")
             tree[name] = _tree(value, path)
         return tree
     if isinstance(node, yaml.SequenceNode):
@@ -158,7 +158,7 @@ def _line(part: yaml.Event | yaml.Node) -> str:
     return "" if part.start_mark is None else f"line {part.start_mark.line + 1}"
 
 
-def _shown(value: Tree) -> str:
+def shown(value: Tree) -> str:
     """Return a value as it stands in the file, without characters that a terminal may obey."""
     return value if isinstance(value, str) and value.isprintable() else json.dumps(value)
 
@@ -185,11 +185,11 @@ class _Checks:
             occupied,
             free,
             self.mode(),
-            tuple(_shown(key) for key in self.document if key not in KNOWN),
+            tuple(shown(key) for key in self.document if key not in KNOWN),
         )
 
     def error(self, key: str, rule: str) -> MapFileError:
-        return MapFileError(self.path, key, _shown(self.document[key]), rule)
+        return MapFileError(self.path, key, shown(self.document[key]), rule)
 
     def image(self) -> Path:
         name = self.document["image"]

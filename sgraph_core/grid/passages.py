@@ -53,7 +53,7 @@ def _spaces(grid: OccupancyGrid, clearance_m: float) -> NDArray[np.int32]:
 
     free = grid.cells == OccupancyGrid.FREE
     blobs, _ = label(~free, np.ones((3, 3)))
-    filled = np.bincount(blobs.ravel()) * grid.resolution**2 <= LARGEST_FILLED_M2
+    filled = _sizes(blobs) * grid.resolution**2 <= LARGEST_FILLED_M2
     free |= filled[blobs]
     cells = clearance_m / grid.resolution
     clear = np.empty_like(free)
@@ -62,6 +62,14 @@ def _spaces(grid: OccupancyGrid, clearance_m: float) -> NDArray[np.int32]:
         clear[rows] = (distance >= cells)[rows.start - around.start :][: rows.stop - rows.start]
     spaces, _ = label(clear)
     return np.asarray(spaces)
+
+
+def _sizes(labels: NDArray[np.int32]) -> IntArray:
+    """Return how many cells have each label from 0 on; numpy's bincount alone would copy them."""
+    total = np.zeros(labels.max(initial=0) + 1, np.int64)
+    for rows, _ in _strips(labels.shape, 0):
+        total += np.bincount(labels[rows].ravel(), minlength=len(total))
+    return total
 
 
 def _strips(shape: tuple[int, ...], margin: int) -> Iterator[tuple[slice, slice]]:

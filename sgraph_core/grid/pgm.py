@@ -103,5 +103,5 @@ def _numbers(file: BinaryIO, path: Path) -> Iterator[NDArray[np.int64]]:
         block, rest = block[:whole], block[whole:]
         if len(rest) > LONGEST_NUMBER or block.translate(None, DIGITS_AND_SPACE):
             raise MapFileError(path, "", None, "holds what is no number: it is damaged")
-        yield np.fromstring(block, np.int64, sep=" ")
+        yield np.fromstring(block.strip(), np.int64, sep=" ")  # spaces alone would be a 0
     yield np.fromstring(rest, np.int64, sep=" ")

@@ -84,7 +84,7 @@ def _holds(file: BinaryIO, needed: int) -> bool:
         if count >= needed or inflate.eof:
             break
         file.seek(4, 1)
-    return count + len(inflate.flush()) >= needed
+    return count >= needed or count + len(inflate.flush()) >= needed
 
 
 def _needed(

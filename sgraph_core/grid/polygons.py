@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 import shapely
 from contourpy import FillType, contour_generator
 
-from sgraph_concepts.types import OccupancyGrid
+from sgraph_concepts.types import FloatArray, IntArray, OccupancyGrid
 from sgraph_core.grid.regions import Labels, Mask, windows
 
 __all__ = ["polygons"]
 
 STRAIGHT_CELLS = 1.5
 """Corners are dropped whose triangle with their neighbours is smaller than this side squared."""
+
+_Filled = tuple[list[FloatArray], list[IntArray]]
+"""Of FillType.OuterOffset: points of each polygon, and where in them its rings begin."""
 
 
 def polygons(labels: Labels, count: int, grid: OccupancyGrid) -> list[shapely.Polygon | None]:
@@ -43,7 +48,7 @@ def polygons(labels: Labels, count: int, grid: OccupancyGrid) -> list[shapely.Po
 def _outline(cells: Mask, corner: tuple[int, int]) -> shapely.Polygon:
     """Return the outline of connected cells, in cells, its corners cut by half a cell."""
     generator = contour_generator(z=np.pad(cells, 1).astype(float), fill_type=FillType.OuterOffset)
-    points, offsets = generator.filled(0.5, np.inf)
+    points, offsets = cast(_Filled, generator.filled(0.5, np.inf))
     parts = [
         shapely.Polygon(rings[0], rings[1:])
         for xy, starts in zip(points, offsets, strict=True)

@@ -11,7 +11,7 @@ import numpy as np
 
 from sgraph_concepts.errors import MapFileError, MapWarning
 from sgraph_concepts.types import OccupancyGrid
-from sgraph_core.grid.description import GridDescription, Mode, read_description
+from sgraph_core.grid.description import GridDescription, Mode, read_description, shown
 from sgraph_core.grid.doubts import doubt
 from sgraph_core.grid.image import Progress, read_cells
 
@@ -77,9 +77,9 @@ def _check_image(path: str | Path, description: GridDescription) -> None:
     try:
         kind = image.stat().st_mode
     except OSError as error:
-        rule = f"cannot be read: {error.strerror}"
-        raise MapFileError(path, "image", str(image), rule) from error
+        rule = f"{shown(str(image))}: cannot be read: {error.strerror}"
+        raise MapFileError(path, "image", None, rule) from error
     except ValueError as error:  # characters that no path holds
         raise MapFileError(path, "image", None, "must name a file") from error
     if not stat.S_ISREG(kind):
-        raise MapFileError(path, "image", str(image), "must be a file")
+        raise MapFileError(path, "image", None, f"{shown(str(image))}: must be a file")

@@ -90,7 +90,7 @@ def _limits(segments: FloatArray, shape: tuple[int, ...]) -> tuple[IntArray, Int
     return low.astype(np.int64), high.astype(np.int64)
 
 
-def _winding_of_cells(segments: FloatArray, wanted: Mask) -> NDArray[np.float32]:
+def _winding_of_cells(segments: FloatArray, wanted: Mask) -> FloatArray:
     """Return how often segments wind around the middles of cells, right where it is wanted.
 
     Between the segments the winding number is a harmonic function: a tile away from them that is
@@ -104,14 +104,13 @@ def _winding_of_cells(segments: FloatArray, wanted: Mask) -> NDArray[np.float32]
     low, high = np.min(corner_sets, axis=0), np.max(corner_sets, axis=0)
     settled = (low > CLEARLY_INSIDE) | (high < CLEARLY_OUTSIDE)
     settled &= ~_tiles_near(segments, (height, width))
-    times = _cells_of_tiles(np.float32((low + high) / 2), wanted.shape)
-    row, column = np.nonzero(wanted & ~_cells_of_tiles(settled, wanted.shape))
+    row, column = np.nonzero(wanted)
+    tile = row // TILE, column // TILE
+    times = np.zeros(wanted.shape)
+    times[row, column] = ((low + high) / 2)[tile]
+    row, column = row[~settled[tile]], column[~settled[tile]]
     times[row, column] = winding(segments, np.stack([column, row], axis=1) + 0.5)
     return times
-
-
-def _cells_of_tiles(tiles: NDArray[np.generic], shape: tuple[int, ...]) -> NDArray[np.generic]:
-    return tiles.repeat(TILE, axis=0).repeat(TILE, axis=1)[: shape[0], : shape[1]]
 
 
 def _tiles_near(segments: FloatArray, shape: tuple[int, int]) -> Mask:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import struct
 import warnings
@@ -39,6 +40,7 @@ def error_of(file: Path) -> str:
         ({"image": ""}, "image: must name a file"),
         ({"image": "[a.png]"}, 'image = ["a.png"]: must name a file'),
         ({"image": "none.png"}, "none.png: cannot be read: No such file or directory"),
+        ({"image": '"\\e[31m.png"'}, r'\u001b[31m.png": cannot be read'),
         ({"image": "."}, ": must be a file"),
         ({"image": '"a\\0b.png"'}, "image: must name a file"),
         ({"image": '"\\ud800.png"'}, "image: must name a file"),
@@ -186,8 +188,6 @@ def test_a_bad_image_is_named(tmp_path: Path, content: bytes, message: str) -> N
 
 def images() -> dict[str, bytes]:
     """Return a map of 60 x 60 noisy pixels in each format, as bytes."""
-    import io
-
     pixels = np.random.default_rng(0).integers(0, 256, (60, 60)).astype(np.uint8)
     written = {}
     for form in ("png", "ppm"):

@@ -19,6 +19,7 @@ from PIL import Image
 
 from sgraph_concepts.errors import MapFileError, MapWarning
 from sgraph_concepts.types import OccupancyGrid
+from sgraph_core.grid import pgm, picture
 from sgraph_core.grid.description import Mode, read_description
 from sgraph_core.grid.reader import grid_files, read_grid
 
@@ -131,6 +132,32 @@ def test_numbers_are_read_as_map_server_reads_them(tmp_path: Path) -> None:
 
 
 # -- image formats ---------------------------------------------------------------------------------
+
+
+def small_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(picture, "STRIP_PIXELS", 50)
+    monkeypatch.setattr(pgm, "BLOCK_BYTES", 7)
+
+
+@pytest.mark.parametrize("image", ["map.png", "map.pgm"])
+def test_a_picture_read_in_many_strips_is_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, image: str
+) -> None:
+    small_steps(monkeypatch)
+    file = write_map(tmp_path, two_rooms(), image=image)
+    assert (read_grid(file).cells == cells_of(two_rooms())).all()
+
+
+def test_a_plain_pgm_read_in_many_blocks_is_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    small_steps(monkeypatch)
+    pixels = two_rooms()
+    rows = [" ".join(map(str, row)) for row in pixels.tolist()]
+    text = f"P2 180 80 255 {rows[0]}# a comment of 3 blocks 1 2 3\n" + "\n#\n".join(rows[1:])
+    file = write_map(tmp_path, image="map.pgm")
+    (tmp_path / "map.pgm").write_text(text)
+    assert (read_grid(file).cells == cells_of(pixels)).all()
 
 
 def cells_of(pixels: np.ndarray) -> np.ndarray:

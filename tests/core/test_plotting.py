@@ -54,7 +54,7 @@ def test_walls_of_a_large_grid_are_not_thinned_away() -> None:
     axes = new_figure(5, 5).add_subplot()
     draw(graph, axes)
     array = axes.images[0].get_array()
-    assert array.shape == (1, 2001)
+    assert array.shape == (1, 1501)
     assert np.flatnonzero(array == OccupancyGrid.OCCUPIED).tolist() == [1]
 
 

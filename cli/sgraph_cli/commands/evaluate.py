@@ -16,6 +16,7 @@ from sgraph_cli.arguments import (
     Weights,
     make_detector,
     refuse_beside,
+    warn_about_absent,
     warn_about_lists,
 )
 from sgraph_cli.console import print_table, progress
@@ -108,14 +109,18 @@ def _sorted_by_kind(
     paths: Sequence[Path], truth: Path | None, only: Sequence[Path]
 ) -> tuple[list[LabelledGrid], list[Path]]:
     """Return the occupancy grids that paths name, and the paths that name other maps."""
-    from sgraph_core.evaluation.grids import find_grids, only_named
+    from sgraph_core.evaluation.grids import absent_from, find_grids, only_named
 
     found = [find_grids(path, truth) for path in paths]
     grids = [grid for some in found for grid in some]
     if truth is not None and len(grids) != 1:
         raise typer.BadParameter("needs exactly one occupancy grid", param_hint="--truth")
     maps = [path for path, some in zip(paths, found, strict=True) if not some]
-    return (only_named(grids, only) if grids else []), maps
+    if not grids:
+        return [], maps
+    if not maps:
+        warn_about_absent(absent_from(grids, only))
+    return only_named(grids, only), maps
 
 
 def _evaluate_maps(

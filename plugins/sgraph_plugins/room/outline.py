@@ -33,7 +33,7 @@ def outlines(rooms: Mapping[int, SurfaceArrays]) -> dict[int, shapely.Polygon]:
     whole = {room: outline(surfaces) for room, surfaces in rooms.items()}
     found = {room: polygon for room, polygon in whole.items() if polygon is not None}
     ordered = sorted(found, key=lambda room: (found[room].area, room))
-    tree = shapely.STRtree([found[room] for room in ordered])
+    tree = shapely.STRtree(np.array([found[room] for room in ordered], object))
     one, two = tree.query(tree.geometries, predicate="overlaps")
     within, around = tree.query(tree.geometries, predicate="within")
     apart: dict[int, shapely.Polygon] = {}

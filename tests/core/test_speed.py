@@ -1,11 +1,11 @@
-"""The benchmark measures maps of the wanted size; how fast they are is nobody's test."""
+"""Stages are timed on maps of the wanted size; how fast they are is nobody's test."""
 
 from __future__ import annotations
 
 import pytest
 
 from sgraph_core.detector import Detector
-from sgraph_core.evaluation.benchmark import StageTimes, growth, time_stages
+from sgraph_core.evaluation.speed import StageTimes, growth, time_stages
 
 
 def test_every_stage_of_every_size_is_timed() -> None:
