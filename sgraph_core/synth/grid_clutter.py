@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import shapely
 from numpy.random import Generator
-from shapely import Polygon
+from shapely import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from sgraph_core.synth.config import GridConfig
@@ -23,8 +23,10 @@ FLOOR_PER_TABLE_M2 = 4.0
 def stand_cupboards(floor: Floor, rng: Generator, config: GridConfig) -> list[Polygon]:
     """Return boxes that stand against the walls of some rooms."""
     share = rng.choice(config.cupboard_share)
-    doors = shapely.union_all([*shapely.polygons(floor.doors), *shapely.points(floor.doorways)])
-    kept_clear = shapely.union_all([doors.buffer(BEFORE_DOORS_M), *floor.furniture])
+    ways = [*map(Polygon, floor.doors), *map(Point, floor.doorways)]
+    before_doors = shapely.buffer(shapely.union_all(ways), BEFORE_DOORS_M)
+    kept_clear = shapely.union_all([before_doors, *floor.furniture])
+    smallest, largest = np.transpose([config.cupboard_length_m, config.cupboard_depth_m])
     cupboards: list[Polygon] = []
     for room in floor.rooms:
         if rng.random() >= share:
@@ -32,9 +34,7 @@ def stand_cupboards(floor: Floor, rng: Generator, config: GridConfig) -> list[Po
         free, grown = room.difference(kept_clear), grow(room, 0.01)
         segments, inwards = edges(room)
         for _ in range(rng.integers(1, 2 + int(room.length / WALL_PER_CUPBOARD_M))):
-            length, depth = rng.uniform(
-                *zip(config.cupboard_length_m, config.cupboard_depth_m, strict=True)
-            )
+            length, depth = rng.uniform(smallest, largest)
             side, where = int(rng.integers(len(segments))), rng.random()
             (start, end), normal = segments[side], inwards[side]
             along = -turn_left(normal)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import shapely
 from numpy.random import Generator
 from numpy.typing import NDArray
 from shapely import Polygon
@@ -28,7 +27,7 @@ def draw_cells(scene: GridScene, rng: Generator, config: GridConfig) -> NDArray[
     walls, furniture = rng.choice(config.drawn_walls), rng.choice(config.drawn_furniture)
     floor, shape = scene.floor, scene.shape
     building = _covered(scene, floor.outlines)
-    free = (scene.rooms > 0) | _covered(scene, list(shapely.polygons(floor.doors)))
+    free = (scene.rooms > 0) | _covered(scene, [Polygon(corners) for corners in floor.doors])
     if floor.pieces.facades.any():
         around = [outline.buffer(OUTSIDE_M) for outline in floor.outlines]
         free |= _covered(scene, around) & ~building

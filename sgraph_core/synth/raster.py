@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import shapely
 from numpy.typing import NDArray
@@ -16,7 +18,7 @@ STEP = 0.3
 
 
 def filled(
-    polygons: list[BaseGeometry], values: IntArray, shape: tuple[int, int]
+    polygons: Sequence[BaseGeometry], values: IntArray, shape: tuple[int, int]
 ) -> NDArray[np.int32]:
     """Return for each cell the value of the polygon that its centre lies in, 0 for none, [H, W].
 
@@ -43,7 +45,7 @@ def filled(
     return np.asarray(np.cumsum(changes, axis=1, dtype=np.int32)[:, :-1])
 
 
-def covered(polygons: list[BaseGeometry], shape: tuple[int, int]) -> NDArray[np.bool_]:
+def covered(polygons: Sequence[BaseGeometry], shape: tuple[int, int]) -> NDArray[np.bool_]:
     """Return which cells' centres lie in any of some polygons, which may overlap, [H, W]."""
     union = [p for p in shapely.get_parts(shapely.union_all(polygons)) if p.geom_type == "Polygon"]
     if not union:

@@ -155,7 +155,7 @@ def _count(
     cells = np.empty(steps.sum(), np.int64)
     done = 0
     for step in range(steps.max(initial=0)):  # all rays go on by one cell at a time
-        count = len(steps) - np.searchsorted(steps[::-1], step, side="right")
+        count = len(steps) - int(np.searchsorted(steps[::-1], step, side="right"))
         cell = y[:count].astype(np.int64) * shape[1] + x[:count].astype(np.int64)
         cells[done : done + count] = np.where(cell == last[:count], len(passes), cell)
         x[:count] += along_x[:count]
