@@ -38,9 +38,7 @@ def observed_sources(recording: Recording, gate: Gate) -> list[IntArray]:
     true = Lines(built.segments, built.normals)
     return [
         matches(seen_from_pose(observed, pose), true, TRUE_GATE)
-        for pose, observed in zip(
-            from_rows(recording.reference), recording.observations, strict=True
-        )
+        for pose, observed in zip(poses, recording.observations, strict=True)
     ]
 
 
