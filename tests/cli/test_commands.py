@@ -299,6 +299,14 @@ def test_growth_is_told_of_two_sizes_or_more(sgraph: Any) -> None:
     assert told in sgraph("bench", "speed", "--size", 30, "--size", 60, "--repeats", 1).stdout
 
 
+def test_optimisation_is_timed_on_blocks_of_rooms(sgraph: Any) -> None:
+    run = sgraph("bench", "speed", "--rooms", 4, "--rooms", 6, "--repeats", 1)
+    assert (run.returncode, run.stderr) == (0, "")
+    rows = [line.split("|")[1].strip() for line in run.stdout.splitlines() if line.startswith("|")]
+    assert rows[2:] == ["4", "6"]
+    assert sgraph("bench", "speed", "--rooms", 4, "--size", 30).returncode == 2
+
+
 def test_schema_prints_json(sgraph: Any) -> None:
     schema = json.loads(sgraph("schema").stdout)
     assert schema["title"] == "sgraph-map"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from sgraph_cli.arguments import refuse_beside
 from sgraph_cli.console import note, print_table, progress, warn_about_plugins
 
 if TYPE_CHECKING:
@@ -26,8 +27,16 @@ def speed(
     ] = None,
     repeats: Annotated[int, typer.Option(min=1, help="Runs of each stage; the median counts.")] = 5,
     seed: Annotated[int, typer.Option(min=0, help="Of the synthetic maps.")] = 0,
+    rooms: Annotated[
+        list[int] | None,
+        typer.Option(min=1, help="Time optimising a block of so many rooms instead."),
+    ] = None,
 ) -> None:
     """Time the stages of inference on synthetic maps, on one thread."""
+    if rooms:
+        refuse_beside("--rooms", {"--size": size})
+        _time_optimization(rooms, repeats, seed)
+        return
     from rich import box
     from rich.table import Table
 
@@ -59,6 +68,31 @@ def speed(
     print_table(table)
     if len(set(sizes)) > 1:
         typer.echo(f"whole inference grows with surfaces to the power of {growth(times):.2f}")
+
+
+def _time_optimization(rooms: list[int], repeats: int, seed: int) -> None:
+    from rich import box
+    from rich.table import Table
+
+    from sgraph_core.evaluation.block import time_optimization
+
+    table = Table(box=box.MARKDOWN)
+    for column in (
+        "rooms", "planes only [s]", "iterations", "with rooms and walls [s]", "iterations", "ratio",
+    ):  # fmt: skip
+        table.add_column(column, justify="right")
+    with progress() as report:
+        for done, t in enumerate(time_optimization(rooms, repeats, seed), start=1):
+            report("optimising", done, len(rooms))
+            table.add_row(
+                str(t.rooms),
+                f"{t.planes:.2f}",
+                str(t.plane_iterations),
+                f"{t.concepts:.2f}",
+                str(t.concept_iterations),
+                f"{t.concepts / t.planes:.2f}",
+            )
+    print_table(table)
 
 
 Seeds = Annotated[int, typer.Option(min=1, help="Drives per scene or log, with seeds from 0.")]
