@@ -132,7 +132,7 @@ def test_optimize_reports_to_stderr_and_moves_the_map(
     result = sgraph("infer", demo_map, "--optimize", "-o", out)
     assert result.returncode == 0
     assert result.stdout == ""
-    assert re.search(r"optimised \d+ factors: error \S+ -> \S+", result.stderr)
+    assert re.search(r"optimised \d+ factors in \d+ iterations: error \S+ -> \S+", result.stderr)
     before, after = map_file.load(demo_map), map_file.load(out)
     assert (before.keyframes.poses != after.keyframes.poses).any()
     assert len(after.concepts["room"]) == 16
