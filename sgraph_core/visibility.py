@@ -17,7 +17,15 @@ from sgraph_core.closures import Closures, continuations, gaps
 from sgraph_core.geometry import in_frames, lines_of, nearest
 from sgraph_core.rays import Obstacles, Rays
 
-__all__ = ["VISIBILITIES", "facing_pairs", "visibility"]
+__all__ = [
+    "CLOSURE_REACH_M",
+    "FARTHEST_RADIUS_M",
+    "VISIBILITIES",
+    "closures_among",
+    "facing_neighbours",
+    "facing_pairs",
+    "visibility",
+]
 
 IN_FRONT_M = 0.05
 """How far a surface must reach in front of another to be seen from it at all."""
@@ -28,6 +36,8 @@ CLOSED_GAPS_M = (1.4, 3.0, 6.0)
 """Widths up to which gaps are closed: doors, wide openings, missing surfaces."""
 CONTINUED_M = (1.5, 4.0, 8.0)
 """Lengths up to which surfaces that end in the open are continued."""
+CLOSURE_REACH_M = max(*CLOSED_GAPS_M, *CONTINUED_M) + 0.5
+"""Closures that depend on a surface have all their points this close to it."""
 VISIBILITIES = (
     "visibility",
     *(f"visibility, gaps up to {width:g} m closed" for width in CLOSED_GAPS_M),
@@ -54,12 +64,33 @@ def facing_pairs(surfaces: SurfaceArrays, count: int) -> IntArray:
         Row indices, first below second, [P, 2].
     """
     total = len(surfaces)
+    one, two, _ = facing_neighbours(surfaces, np.arange(total), count)
+    keys = np.unique(np.minimum(one, two) * total + np.maximum(one, two))
+    return np.stack(np.divmod(keys, total), axis=1)
+
+
+def facing_neighbours(
+    surfaces: SurfaceArrays, rows: IntArray, count: int
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return whom some surfaces ask for: the nearest ``count`` that face them, and ties.
+
+    Args:
+        surfaces: N surfaces.
+        rows: the R that ask.
+        count: how many neighbours each asks for.
+
+    Returns:
+        Who asks and for whom, [A] each, and how far each of ``rows`` had to look, [R]: what is
+        farther away makes no difference to it.
+    """
     lines = lines_of(surfaces.segments)
     bounds, outwards = shapely.bounds(lines), np.array([-1.0, -1.0, 1.0, 1.0])
     tree = shapely.STRtree(lines)
-    waiting = np.arange(total)
+    waiting = rows
     radius = NEAREST_RADIUS_M
-    keys = [np.empty(0, np.int64)]
+    none = np.empty(0, np.int64)
+    who, whom = [none], [none]
+    looked = np.full(len(surfaces), FARTHEST_RADIUS_M)
     while len(waiting):
         asking, other = tree.query(shapely.box(*(bounds[waiting] + radius * outwards).T))
         asking = waiting[asking]
@@ -68,16 +99,21 @@ def facing_pairs(surfaces: SurfaceArrays, count: int) -> IntArray:
         facing = _reaches_in_front(surfaces, other, asking)
         asking, other = asking[facing], other[facing]
         distances = shapely.distance(lines[asking], lines[other])
-        found = np.bincount(asking[distances <= radius], minlength=total)
+        found = np.bincount(asking[distances <= radius], minlength=len(surfaces))
         done = (found >= count) | (radius >= FARTHEST_RADIUS_M)
         answered = done[asking]
         asking, other, distances = asking[answered], other[answered], distances[answered]
         near = nearest(asking, distances, count)
         asking, other = asking[near], other[near]
-        keys.append(np.minimum(asking, other) * total + np.maximum(asking, other))
+        who.append(asking)
+        whom.append(other)
+        enough = found >= count
+        farthest = np.zeros(len(surfaces))
+        np.maximum.at(farthest, asking, distances[near])
+        looked[enough & done] = farthest[enough & done]
         waiting = waiting[~done[waiting]]
         radius *= 2
-    return np.stack(np.divmod(np.unique(np.concatenate(keys)), total), axis=1)
+    return np.concatenate(who), np.concatenate(whom), looked[rows]
 
 
 def _reaches_in_front(surfaces: SurfaceArrays, one: IntArray, two: IntArray) -> NDArray[np.bool_]:
@@ -85,7 +121,14 @@ def _reaches_in_front(surfaces: SurfaceArrays, one: IntArray, two: IntArray) -> 
     return np.asarray(np.maximum(in_front[:, 0], in_front[:, 1]) > IN_FRONT_M)
 
 
-def visibility(surfaces: SurfaceArrays, pairs: IntArray) -> FloatArray:
+def closures_among(surfaces: SurfaceArrays) -> tuple[Closures, Closures]:
+    """Return the gaps and the continuations that count as closed in some column."""
+    return gaps(surfaces, max(CLOSED_GAPS_M)), continuations(surfaces, max(CONTINUED_M))
+
+
+def visibility(
+    surfaces: SurfaceArrays, pairs: IntArray, closed: tuple[Closures, Closures] | None = None
+) -> FloatArray:
     """Return the share of lines of sight between the surfaces of each pair that are free.
 
     Each pair is joined by 4 x 4 lines of sight. One is free when it leaves and arrives in front of
@@ -94,15 +137,14 @@ def visibility(surfaces: SurfaceArrays, pairs: IntArray) -> FloatArray:
     Args:
         surfaces: N surfaces.
         pairs: row indices, [P, 2].
+        closed: the gaps and the continuations among the surfaces, if known already.
 
     Returns:
         Shares from 0 to 1, [P, len(VISIBILITIES)].
     """
     walls = Obstacles.of(Closures(surfaces.segments, np.zeros(len(surfaces))))
-    closed = [
-        (Obstacles.of(gaps(surfaces, max(CLOSED_GAPS_M))), CLOSED_GAPS_M),
-        (Obstacles.of(continuations(surfaces, max(CONTINUED_M))), CONTINUED_M),
-    ]
+    widths = CLOSED_GAPS_M, CONTINUED_M
+    obstacles = [Obstacles.of(closures) for closures in closed or closures_among(surfaces)]
     shares = np.zeros((len(pairs), len(VISIBILITIES)))
     for start in range(0, len(pairs), PAIRS_AT_ONCE):  # bounds the memory
         some = pairs[start : start + PAIRS_AT_ONCE]
@@ -111,8 +153,8 @@ def visibility(surfaces: SurfaceArrays, pairs: IntArray) -> FloatArray:
         seeing = np.flatnonzero(free.any(axis=1))
         rays, free = rays.take(seeing), free[seeing]
         columns = [free]
-        for obstacles, limits in closed:
-            narrowest = rays.narrowest_crossed(obstacles)
+        for closures, limits in zip(obstacles, widths, strict=True):
+            narrowest = rays.narrowest_crossed(closures)
             columns += [free & (narrowest > limit) for limit in limits]
         shares[start + seeing] = np.stack([column.mean(axis=1) for column in columns], axis=1)
     return shares
