@@ -6,6 +6,7 @@ Arrays hold the coordinates first, [2, ...]: x of all, then y of all.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import shapely
@@ -72,6 +73,36 @@ class Rays:
         """Return the rays of some pairs."""
         return Rays(self.starts[:, rows], self.directions[:, rows], self.valid[rows])
 
+    def blocked_by_one(self, obstacles: Obstacles, own: IntArray) -> NDArray[np.bool_]:
+        """Return whether one obstacle alone crosses all rays of a pair, [P].
+
+        Args:
+            obstacles: O segments.
+            own: rows of the two obstacles that do not count for a pair, [P, 2].
+        """
+        corners = self._corners
+        # what crosses all rays crosses the line between their middles
+        middles = corners.reshape(2, 2, 2, -1).mean(axis=2)
+        pair, obstacle = obstacles.tree.query(
+            shapely.box(*middles.min(axis=1), *middles.max(axis=1))
+        )
+        foreign = (obstacle != own[pair, 0]) & (obstacle != own[pair, 1])
+        pair, obstacle = pair[foreign], obstacle[foreign]
+        for blocks in (_separates, _crosses_outermost):
+            meets = blocks(corners.take(pair, axis=2), obstacles.ends.take(obstacle, axis=2))
+            pair, obstacle = pair[meets], obstacle[meets]
+        blocked = np.zeros(len(self.valid), bool)
+        blocked[pair] = True
+        return blocked
+
+    @cached_property
+    def _corners(self) -> FloatArray:
+        """Outermost starts and outermost ends of each pair's rays, [2, 4, P]."""
+        ends = self.starts + self.directions
+        return np.stack(
+            [self.starts[..., 0], self.starts[..., -1], ends[..., 0], ends[..., -1]], axis=1
+        )
+
     def narrowest_crossed(self, obstacles: Obstacles, own: IntArray | None = None) -> FloatArray:
         """Return the width of the narrowest obstacle that each ray crosses, infinity if none.
 
@@ -82,10 +113,7 @@ class Rays:
         Returns:
             Widths, [P, R].
         """
-        ends = self.starts + self.directions
-        corners = np.stack(
-            [self.starts[..., 0], self.starts[..., -1], ends[..., 0], ends[..., -1]], axis=1
-        )
+        corners = self._corners
         boxes = shapely.box(*corners.min(axis=1), *corners.max(axis=1))
         pair, obstacle = obstacles.tree.query(boxes)
         if own is not None:
@@ -113,6 +141,34 @@ class Rays:
         crosses = (u * scale >= 0) & (np.abs(u) <= np.abs(scale))
         crosses &= (v * scale >= 0) & (np.abs(v) <= np.abs(scale)) & (scale != 0)
         return np.asarray(crosses)
+
+
+def _separates(corners: FloatArray, segments: FloatArray) -> NDArray[np.bool_]:
+    """Return whether a segment's line has all starts of rays on one side and all ends on the other.
+
+    Arguments as of :func:`_corners_on_both_sides`.
+    """
+    first, second = segments[:, :1], segments[:, 1:]
+    side = _cross(second - first, corners - first)
+    starts, ends = side[:2], side[2:]
+    one_way = (starts.min(axis=0) > 0) & (ends.max(axis=0) < 0)
+    other_way = (starts.max(axis=0) < 0) & (ends.min(axis=0) > 0)
+    return np.asarray(one_way | other_way)
+
+
+def _crosses_outermost(corners: FloatArray, segments: FloatArray) -> NDArray[np.bool_]:
+    """Return whether segments cross all four rays between outermost starts and ends.
+
+    Said of segments that :func:`_separates`. Where such a segment's line meets a ray moves one way
+    as the ray's start moves along its surface, and so for its end: no ray meets it beyond all four.
+    """
+    crosses = np.ones(corners.shape[2], bool)
+    for start in (0, 1):
+        for end in (2, 3):
+            first = corners[:, start, None]
+            side = _cross(corners[:, end, None] - first, segments - first)
+            crosses &= side[0] * side[1] <= 0
+    return crosses
 
 
 def _corners_on_both_sides(corners: FloatArray, segments: FloatArray) -> NDArray[np.bool_]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from sgraph_concepts.types import FloatArray, IntArray, SurfaceArrays
 from sgraph_core.closures import Closures, continuations, gaps
-from sgraph_core.geometry import in_frames, lines_of, nearest
+from sgraph_core.geometry import dot, lines_of, nearest
 from sgraph_core.rays import Obstacles, Rays
 
 __all__ = [
@@ -86,19 +86,24 @@ def facing_neighbours(
     lines = lines_of(surfaces.segments)
     bounds, outwards = shapely.bounds(lines), np.array([-1.0, -1.0, 1.0, 1.0])
     tree = shapely.STRtree(lines)
-    waiting = rows
-    radius = NEAREST_RADIUS_M
+    waits, radius = np.zeros(len(surfaces), bool), NEAREST_RADIUS_M
+    waits[rows] = True
     none = np.empty(0, np.int64)
     who, whom = [none], [none]
     looked = np.full(len(surfaces), FARTHEST_RADIUS_M)
-    while len(waiting):
-        asking, other = tree.query(shapely.box(*(bounds[waiting] + radius * outwards).T))
-        asking = waiting[asking]
-        facing = _reaches_in_front(surfaces, asking, other)
-        asking, other = asking[facing], other[facing]
-        facing = _reaches_in_front(surfaces, other, asking)
-        asking, other = asking[facing], other[facing]
-        distances = shapely.distance(lines[asking], lines[other])
+    while waits.any():
+        waiting = np.flatnonzero(waits)
+        one, two = tree.query(shapely.box(*(bounds[waiting] + radius * outwards).T))
+        one = waiting[one]
+        once = (one < two) | ~waits[two]  # of a pair that both ask for, look at one direction only
+        one, two = one[once], two[once]
+        for _ in range(2):
+            facing = _reaches_in_front(surfaces, one, two)
+            one, two = two[facing], one[facing]
+        distances = shapely.distance(lines[one], lines[two])
+        mutual = waits[two]
+        asking, other = np.append(one, two[mutual]), np.append(two, one[mutual])
+        distances = np.append(distances, distances[mutual])
         found = np.bincount(asking[distances <= radius], minlength=len(surfaces))
         done = (found >= count) | (radius >= FARTHEST_RADIUS_M)
         answered = done[asking]
@@ -107,17 +112,18 @@ def facing_neighbours(
         asking, other = asking[near], other[near]
         who.append(asking)
         whom.append(other)
-        enough = found >= count
         farthest = np.zeros(len(surfaces))
         np.maximum.at(farthest, asking, distances[near])
-        looked[enough & done] = farthest[enough & done]
-        waiting = waiting[~done[waiting]]
+        enough = waits & (found >= count)
+        looked[enough] = farthest[enough]
+        waits &= ~done
         radius *= 2
     return np.concatenate(who), np.concatenate(whom), looked[rows]
 
 
 def _reaches_in_front(surfaces: SurfaceArrays, one: IntArray, two: IntArray) -> NDArray[np.bool_]:
-    _, in_front = in_frames(surfaces, one, surfaces.segments[two])
+    offset = surfaces.segments[two] - surfaces.midpoints[one, None]
+    in_front = dot(offset, surfaces.normals[one, None])
     return np.asarray(np.maximum(in_front[:, 0], in_front[:, 1]) > IN_FRONT_M)
 
 
@@ -149,9 +155,12 @@ def visibility(
     for start in range(0, len(pairs), PAIRS_AT_ONCE):  # bounds the memory
         some = pairs[start : start + PAIRS_AT_ONCE]
         rays = Rays.between(surfaces, some)
-        free = rays.valid & np.isinf(rays.narrowest_crossed(walls, own=some))
+        # most pairs are behind one wall: it is found faster than all that their rays cross
+        open_ = np.flatnonzero(rays.valid.any(axis=1) & ~rays.blocked_by_one(walls, own=some))
+        rays = rays.take(open_)
+        free = rays.valid & np.isinf(rays.narrowest_crossed(walls, own=some[open_]))
         seeing = np.flatnonzero(free.any(axis=1))
-        rays, free = rays.take(seeing), free[seeing]
+        rays, free, seeing = rays.take(seeing), free[seeing], open_[seeing]
         columns = [free]
         for closures, limits in zip(obstacles, widths, strict=True):
             narrowest = rays.narrowest_crossed(closures)

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from plans import L_SHAPE, block, plan, rectangle
 
 from sgraph_concepts.types import IntArray, Scene, SurfaceArrays
+from sgraph_core.closures import Closures
 from sgraph_core.features import (
     EDGE_FEATURES,
     NODE_FEATURES,
@@ -20,6 +21,7 @@ from sgraph_core.features import (
 from sgraph_core.geometry import nearest
 from sgraph_core.graph import SGraph
 from sgraph_core.proximity import build_scene
+from sgraph_core.rays import Obstacles, Rays
 from sgraph_core.visibility import VISIBILITIES, facing_pairs, visibility
 
 
@@ -113,6 +115,26 @@ def test_visibility_equals_its_definition(seed: int) -> None:
     assert visibility(surfaces, pairs)[:, 0] == pytest.approx(
         brute_force_visibility(surfaces, pairs)
     )
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=100, deadline=None)
+def test_one_obstacle_blocks_a_pair_when_all_rays_cross_it(seed: int) -> None:
+    import shapely
+
+    rng = np.random.default_rng(seed)
+    segments = np.array([[[-1, -2], [1, -2]], [[1, 2], [-1, 2]], rng.uniform(-4, 4, (2, 2))])
+    segments[:2] += rng.uniform(-0.5, 0.5, (2, 2, 2))
+    along = segments[:, 1] - segments[:, 0]
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    normals = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    pair = np.array([[0, 1]])
+    rays = Rays.between(SurfaceArrays(np.arange(3), segments, normals), pair)
+    walls = Obstacles.of(Closures(segments, np.zeros(3)))
+    starts = rays.starts[:, 0].T
+    lines = shapely.linestrings(np.stack([starts, starts + rays.directions[:, 0].T], axis=1))
+    blocked = shapely.intersects(lines, shapely.LineString(segments[2])).all()
+    assert rays.blocked_by_one(walls, own=pair).tolist() == [blocked]
 
 
 def test_facing_pairs_are_those_in_front_of_each_other() -> None:
