@@ -20,8 +20,10 @@ from sgraph_core.rays import Obstacles, Rays
 __all__ = [
     "CLOSURE_REACH_M",
     "FARTHEST_RADIUS_M",
+    "NEAREST_RADIUS_M",
     "VISIBILITIES",
     "closures_among",
+    "face_each_other",
     "facing_neighbours",
     "facing_pairs",
     "visibility",
@@ -121,15 +123,30 @@ def facing_neighbours(
     return np.concatenate(who), np.concatenate(whom), looked[rows]
 
 
+def face_each_other(surfaces: SurfaceArrays, one: IntArray, two: IntArray) -> NDArray[np.bool_]:
+    """Return whether each of the surfaces in these rows reaches in front of the other, [P]."""
+    return _reaches_in_front(surfaces, one, two) & _reaches_in_front(surfaces, two, one)
+
+
 def _reaches_in_front(surfaces: SurfaceArrays, one: IntArray, two: IntArray) -> NDArray[np.bool_]:
     offset = surfaces.segments[two] - surfaces.midpoints[one, None]
     in_front = dot(offset, surfaces.normals[one, None])
     return np.asarray(np.maximum(in_front[:, 0], in_front[:, 1]) > IN_FRONT_M)
 
 
-def closures_among(surfaces: SurfaceArrays) -> tuple[Closures, Closures]:
-    """Return the gaps and the continuations that count as closed in some column."""
-    return gaps(surfaces, max(CLOSED_GAPS_M)), continuations(surfaces, max(CONTINUED_M))
+def closures_among(
+    surfaces: SurfaceArrays, rows: IntArray | None = None
+) -> tuple[Closures, Closures]:
+    """Return the gaps and the continuations that count as closed in some column.
+
+    Args:
+        surfaces: N surfaces.
+        rows: of the surfaces whose closures are wanted; all if not given.
+    """
+    return (
+        gaps(surfaces, max(CLOSED_GAPS_M), rows),
+        continuations(surfaces, max(CONTINUED_M), rows),
+    )
 
 
 def visibility(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 
@@ -17,7 +17,7 @@ from sgraph_core.backend.low_layers import world_planes
 from sgraph_core.concepts import installed
 from sgraph_core.graph import SGraph
 
-__all__ = ["ConceptFactors", "concept_factors"]
+__all__ = ["NO_FACTOR", "ConceptFactors", "concept_factors", "made_by"]
 
 NO_FACTOR = "none"
 """Named instead of a factor type, it leaves a concept's factors out."""
@@ -98,10 +98,24 @@ def _results(
                 nodes,
                 partial(keys.node, name, node.id),
             )
-            try:
-                result = make(node, context)
-            except Exception as error:  # a third party's code may raise anything
-                raise ConceptError(f"factor of {name} {node.id} fails: {error}") from error
-            if not isinstance(result, FactorResult):
-                raise ConceptError(f"factor of concept {name!r} must return a FactorResult")
-            yield node, name, result
+            yield node, name, made_by(make, name, node, context)
+
+
+def made_by(
+    make: Callable[[ConceptNode, FactorContext], FactorResult],
+    concept: str,
+    node: ConceptNode,
+    context: FactorContext,
+) -> FactorResult:
+    """Return what a concept's factor function makes of a node.
+
+    Raises:
+        ConceptError: it fails, or returns something else.
+    """
+    try:
+        result = make(node, context)
+    except Exception as error:  # a third party's code may raise anything
+        raise ConceptError(f"factor of {concept} {node.id} fails: {error}") from error
+    if not isinstance(result, FactorResult):
+        raise ConceptError(f"factor of concept {concept!r} must return a FactorResult")
+    return result

@@ -9,6 +9,7 @@ from sgraph_concepts.types import (
     Cluster,
     ConceptNode,
     FactorContext,
+    FactorResult,
     FloatArray,
     IntArray,
     Scene,
@@ -69,6 +70,18 @@ def no_shape(_rows: IntArray, _scene: Scene) -> str:
 
 def failing_factor(_node: ConceptNode, _context: FactorContext) -> float:
     return 1 / 0
+
+
+class Moody:
+    """A factor function that fails when told to."""
+
+    fails = False
+
+
+def moody_factor(node: ConceptNode, context: FactorContext) -> FactorResult:
+    if Moody.fails:
+        raise ArithmeticError("not today")
+    return FactorResult()
 
 
 def no_factor(_node: ConceptNode, _context: FactorContext) -> str:

@@ -1,0 +1,111 @@
+"""Which factors and variables of the concepts' nodes are in somebody's factor graph."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import gtsam
+
+from sgraph_concepts.errors import InputError
+from sgraph_concepts.types import FactorResult
+
+__all__ = ["Handout", "Ledger", "NodeKey"]
+
+NodeKey = tuple[str, int]
+"""Concept and id of a node."""
+
+
+@dataclass(frozen=True, eq=False)
+class Handout:
+    """What to do to a factor graph: see :class:`sgraph_core.slam.Update`."""
+
+    factors: gtsam.NonlinearFactorGraph
+    values: gtsam.Values
+    remove: list[int]
+    unused: list[int]
+    gone: list[NodeKey]
+    made: list[tuple[NodeKey, FactorResult]]
+
+
+@dataclass(frozen=True)
+class _Held:
+    """What a node has in the graph: keys of its variables, indices of its factors."""
+
+    keys: frozenset[int]
+    indices: tuple[int, ...]
+
+
+class Ledger:
+    """Remembers where the factors of each node are."""
+
+    def __init__(self) -> None:
+        self._held: dict[NodeKey, _Held] = {}
+        self._waiting: list[tuple[NodeKey, int]] = []
+
+    @property
+    def used(self) -> bool:
+        """Whether there are factors of any node."""
+        return bool(self._held)
+
+    @property
+    def waiting(self) -> int:
+        """How many factors of the last handout have no indices yet."""
+        return sum(count for _, count in self._waiting)
+
+    def prepare(
+        self, gone: Iterable[NodeKey], made: Sequence[tuple[NodeKey, FactorResult]]
+    ) -> Handout:
+        """Return what replaces the factors of some nodes; nothing is remembered yet.
+
+        A variable that a node keeps stays in the graph with its value there: ISAM2 takes no second
+        value for a key, and drops a variable only together with the last factor on it.
+
+        Args:
+            gone: nodes whose factors go.
+            made: nodes with their factors; those that they have had so far go.
+        """
+        factors, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        gone = list(gone)
+        concerned = [
+            self._held[node] for node in (*gone, *(n for n, _ in made)) if node in self._held
+        ]
+        present = {key for held in concerned for key in held.keys}
+        kept = set()
+        for _, result in made:
+            for factor in result.factors:
+                factors.add(factor)
+            for key, value in result.values:
+                if key in present:
+                    kept.add(key)
+                else:
+                    values.insert(key, value)
+        remove = sorted(index for held in concerned for index in held.indices)
+        return Handout(factors, values, remove, sorted(present - kept), gone, list(made))
+
+    def commit(self, handout: Handout) -> None:
+        """Remember what a handout replaces; its factors wait for their indices."""
+        for node in (*handout.gone, *(node for node, _ in handout.made)):
+            self._held.pop(node, None)
+        self._waiting = []
+        for node, result in handout.made:
+            if result.factors:
+                self._held[node] = _Held(frozenset(key for key, _ in result.values), ())
+                self._waiting.append((node, len(result.factors)))
+
+    def placed(self, indices: Sequence[int]) -> None:
+        """Say at which indices the factors of the last handout are, in their order.
+
+        Raises:
+            InputError: there are more or fewer of them.
+        """
+        if len(indices) != self.waiting:
+            raise InputError(
+                f"{len(indices)} indices are given for {self.waiting} factors of the last update"
+            )
+        start = 0
+        for node, count in self._waiting:
+            own = tuple(int(index) for index in indices[start : start + count])
+            self._held[node] = _Held(self._held[node].keys, own)
+            start += count
+        self._waiting = []
