@@ -265,7 +265,7 @@ class Inference:
         self, concept: RegisteredConcept, edges: ScoredEdges, scene: Scene
     ) -> list[Cluster]:
         """Cluster by a concept's relation; rooms keep to the pins."""
-        if concept.spec.name != PINNED_CONCEPT:
+        if concept.spec.name != PINNED_CONCEPT or not (self._pins.groups or self._pins.apart):
             return self._cluster(concept, edges, scene)
         pinned = pin(edges, scene, self._pins.groups, self._pins.apart)
         return pinned.enforce(self._cluster(concept, pinned.edges, scene))

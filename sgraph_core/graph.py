@@ -319,26 +319,32 @@ class SGraph:
 
     def move(
         self,
-        keyframe_ids: IntArray,
-        poses: FloatArray,
-        surface_ids: IntArray,
-        segments: FloatArray,
-        normals: FloatArray,
+        keyframes: Mapping[int, ArrayLike] | None = None,
+        surfaces: Mapping[int, tuple[ArrayLike, ArrayLike]] | None = None,
     ) -> None:
-        """Give keyframes other poses [K, 7], wall surfaces other segments and normals [N, 2, 2].
+        """Give keyframes other poses, and wall surfaces other segments and normals.
+
+        Args:
+            keyframes: poses by id, as in :meth:`add_keyframe`.
+            surfaces: segments and normals by id, as in :meth:`add_wall_surface`.
 
         Raises:
             InputError: an id is unknown or a number breaks the map file's rules.
         """
+        keyframes, surfaces = keyframes or {}, surfaces or {}
+        keyframe_ids, surface_ids = _ids(list(keyframes)), _ids(list(surfaces))
+        poses = _rows("pose", list(keyframes.values()), (7,))
+        segments = _rows("segment", [segment for segment, _ in surfaces.values()], (2, 2))
+        normals = _rows("normal", [normal for _, normal in surfaces.values()], (2,))
         check = Check("keyframes")
         check.known_ids("id", keyframe_ids, self._keyframe_rows, "keyframe")
         check.poses("pose", poses)
         check = Check("wall_surfaces")
         check.known_ids("id", surface_ids, self._surface_rows, "wall surface")
         normals = _perpendicular(check, segments, normals)
-        rows = np.array([self._keyframe_rows[i] for i in keyframe_ids.tolist()], np.int64)
+        rows = np.array([self._keyframe_rows[i] for i in keyframes], np.int64)
         self._keyframes.overwrite("poses", poses, rows)
-        rows = np.array([self._surface_rows[i] for i in surface_ids.tolist()], np.int64)
+        rows = np.array([self._surface_rows[i] for i in surfaces], np.int64)
         self._wall_surfaces.overwrite("segments", segments, rows)
         self._wall_surfaces.overwrite("normals", normals, rows)
 
@@ -410,7 +416,7 @@ def _perpendicular(check: Check, segments: FloatArray, normals: FloatArray) -> F
 
 def _ids(values: Sequence[int]) -> IntArray:
     array = np.asarray(values)
-    if array.dtype.kind not in "iu":
+    if len(values) and array.dtype.kind not in "iu":
         raise InputError(f"id {values[0]!r}: must be an integer from 0 to 2^53 - 1")
     return array.astype(np.int64)
 
@@ -420,6 +426,10 @@ def _row(name: str, value: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
     if array.shape != shape:
         raise InputError(f"{name} = {value!r}: must have shape {list(shape)}")
     return array[None]
+
+
+def _rows(name: str, values: Sequence[ArrayLike], shape: tuple[int, ...]) -> FloatArray:
+    return np.concatenate([np.empty((0, *shape)), *(_row(name, value, shape) for value in values)])
 
 
 def _row_of(rows: Mapping[int, int], row_id: int, kind: str) -> int:

@@ -6,7 +6,8 @@ import math
 import statistics
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -76,7 +77,7 @@ def drive_through(rooms: int, columns: int | None = None, seed: int = 0) -> list
     pitch = np.array(ROOM_M) + WALL_M
     doors = {
         frozenset(ends): float(rng.uniform(-0.8, 0.8))
-        for ends in zip(places[:-1], places[1:], strict=True)
+        for ends in pairwise(places)
     }
     visits: list[Visit] = []
     surface = 0
@@ -126,7 +127,7 @@ class UpdateTimes:
         inference: ``ConceptTracker.update``.
         optimisation: the update of ISAM2 that takes its factors.
         whole: inferring the whole map anew instead.
-        work: what the last update computed.
+        work: what an update computed, on average.
     """
 
     rooms: int
@@ -147,27 +148,45 @@ def time_updates(detector: Detector, rooms: Sequence[int], seed: int) -> Iterato
     for count in rooms:
         visits = drive_through(count, seed=seed)
         first = len(visits) - 2 * min(TIMED_ROOMS, count - 1)
-        graph, tracker, smoother = SGraph(), ConceptTracker(detector=detector), Smoother(Keys())
-        inference, optimisation = [], []
-        for k, visit in enumerate(visits):
-            for target in (graph, tracker):
-                visit.enter(target, visits[k - 1] if k else None)
-            if k < first - 1:
-                continue
-            start = time.perf_counter()
-            update = tracker.update()
-            middle = time.perf_counter()
-            smoother.check(graph)
-            tracker.placed(smoother.add(graph, update))
-            end = time.perf_counter()
-            inference.append(middle - start)
-            optimisation.append(end - middle)
+        drive = _Drive(SGraph(), ConceptTracker(detector=detector), Smoother(Keys()))
+        for k, visit in enumerate(visits[:first]):
+            drive.enter(visit, visits[k - 1] if k else None)
+        drive.step()
+        steps = []
+        for before, visit in pairwise(visits[first - 1 :]):
+            drive.enter(visit, before)
+            steps.append(drive.step())
         start = time.perf_counter()
-        detector.infer(graph)
+        detector.infer(drive.graph)
+        whole = time.perf_counter() - start
+        inference, optimisation, work = zip(*steps, strict=True)
+        mean = np.mean([astuple(some) for some in work], axis=0)
         yield UpdateTimes(
             count,
-            statistics.median(inference[1:]),
-            statistics.median(optimisation[1:]),
-            time.perf_counter() - start,
-            update.work,
+            statistics.median(inference),
+            statistics.median(optimisation),
+            whole,
+            Work(*np.rint(mean).astype(int).tolist()),
         )
+
+
+@dataclass(frozen=True, eq=False)
+class _Drive:
+    """A map, the tracker of its concepts, and the ISAM2 that takes the factors of both."""
+
+    graph: SGraph
+    tracker: ConceptTracker
+    smoother: Smoother
+
+    def enter(self, visit: Visit, before: Visit | None) -> None:
+        for target in (self.graph, self.tracker):
+            visit.enter(target, before)
+
+    def step(self) -> tuple[float, float, Work]:
+        """Update; return the seconds that the tracker and that ISAM2 takes, and the work."""
+        start = time.perf_counter()
+        update = self.tracker.update()
+        inferred = time.perf_counter()
+        self.smoother.check(self.graph)
+        self.tracker.placed(self.smoother.add(self.graph, update))
+        return inferred - start, time.perf_counter() - inferred, update.work

@@ -16,7 +16,7 @@ import numpy as np
 from sgraph_concepts.registry import RegisteredConcept
 from sgraph_concepts.types import Cluster, ConceptNode, IntArray, NodeShape, ScoredEdges
 from sgraph_core.detector import Detector, Inference
-from sgraph_core.slam.fragments import LiveFragments
+from sgraph_core.slam.fragments import Changed, LiveFragments
 from sgraph_core.slam.pairs import LivePairs
 from sgraph_core.slam.pool import rows_of, rows_where
 
@@ -67,19 +67,22 @@ class LiveClusters:
         self._fragments, self._pairs = fragments, pairs
         self._of_row: dict[int, set[_Found]] = {}
         self._giving: dict[Members, set[_Found]] = {}
+        self._repeated: set[int] = set()
 
-    def update(self, touched: IntArray, removed: IntArray) -> tuple[set[Members], int]:
+    def update(self, touched: IntArray, changed: Changed) -> tuple[set[Members], int]:
         """Cluster anew what changed scores can reach.
 
         Args:
             touched: rows of fragments with changed scores.
-            removed: rows of fragments that are gone.
+            changed: what became of the fragments.
 
         Returns:
             The members of all nodes that may have come, gone or changed, and how many fragments
             were clustered.
         """
-        size = len(self._fragments.fragments)
+        size, removed = len(self._fragments.fragments), changed.removed
+        self._repeated = set(changed.repeated.tolist())
+        touched = np.union1d(touched, changed.repeated)
         orphans = np.setdiff1d(self._mates(removed), removed)
         core = self._components(np.union1d(touched, orphans))
         inner = self._whole(self._pairs.neighbours(core))
@@ -130,31 +133,38 @@ class LiveClusters:
 
     def _cluster(self, rows: IntArray, inner: IntArray) -> list[_Found]:
         """Cluster fragments, and return what holds some of the inner ones."""
+        rows = self._fragments.in_order(rows)
         scene, pairs = self._pairs.scene(rows)
         edges = ScoredEdges(scene.pairs, self._pairs.pairs["logits"][pairs, self._column])
         inference = Inference(self._detector, self._fragments.take(rows), scene)
         known = {found.rows: found for found in self._holding(inner)}
-        counts = np.isin(rows, inner)
+        counts = set(inner.tolist())
         result = []
         for cluster in inference.cluster(self._concept, edges, scene):
-            local = np.array(cluster.members, np.int64)
-            if counts[local].any():
-                whole = frozenset(rows[local].tolist())
-                result.append(self._found(inference, cluster, whole, known.get(whole)))
+            whole = frozenset(rows[list(cluster.members)].tolist())
+            if counts.isdisjoint(whole):
+                continue
+            before = known.get(whole)
+            if before is None or self._differs(before, cluster):
+                before = self._found(inference, cluster, whole, before)
+            result.append(before)
         return result
+
+    def _differs(self, found: _Found, cluster: Cluster) -> bool:
+        stand_for_others = not self._repeated.isdisjoint(found.rows)
+        return stand_for_others or abs(found.sure - cluster.confidence) > SAME_SURE
 
     def _found(
         self, inference: Inference, cluster: Cluster, rows: frozenset[int], known: _Found | None
     ) -> _Found:
-        """Return a cluster with the nodes that it gives: the known one, if nothing changed."""
+        """Return a cluster with the nodes that it gives; the same rows have the same shape."""
         local = np.array(cluster.members, np.int64)
-        given = inference.members_of(self._concept, local)
-        sure = cluster.confidence
-        if known is not None and list(known.nodes) == given and abs(known.sure - sure) <= SAME_SURE:
-            return known
         shape = known.shape if known else inference.shape(self._concept, local, inference.scene)
-        nodes = {m: inference.confidence(self._concept, cluster, len(m)) for m in given}
-        return _Found(rows, sure, nodes, shape)
+        nodes = {
+            members: inference.confidence(self._concept, cluster, len(members))
+            for members in inference.members_of(self._concept, local)
+        }
+        return _Found(rows, cluster.confidence, nodes, shape)
 
     def _replace(self, old: set[_Found], new: set[_Found]) -> set[Members]:
         concerned: set[Members] = set()

@@ -94,6 +94,11 @@ class LiveFragments:
             for copy in sorted(self._copies.get(original, ()))
         }
 
+    def in_order(self, rows: IntArray) -> IntArray:
+        """Return fragments in an order that does not depend on when they came: by parent."""
+        columns = self.fragments["segment"][rows].reshape(-1, 4).T
+        return rows[np.lexsort((*columns, self.fragments["parent"][rows]))]
+
     def take(self, rows: IntArray) -> Fragments:
         """Return some fragments with the duplicates of their parents."""
         some = self.fragments

@@ -83,8 +83,7 @@ class LiveInference:
         rescored, rows = self._relations.update(ends)
         concerned, most = {}, 0
         for (name, clusters), scored in zip(self._clusters.items(), rescored, strict=True):
-            touched = np.unique(np.concatenate([ends, changed.repeated, scored]))
-            concerned[name], count = clusters.update(touched, changed.removed)
+            concerned[name], count = clusters.update(np.union1d(ends, scored), changed)
             most = max(most, count)
         self._fragments.fragments.settle()
         return concerned, Work(changed.preprocessed, pairs.looked, rows, most)

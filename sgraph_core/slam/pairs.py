@@ -129,21 +129,20 @@ class LivePairs:
         """Return some fragments with related pairs among them, and the rows of these pairs.
 
         Args:
-            rows: of the fragments, ascending.
+            rows: of the fragments.
             of: at least one end of each pair; any of the fragments if not given.
         """
         pairs = self.related(rows if of is None else of)
         ends = self.pairs["ends"][pairs]
-        present = np.zeros(len(self._fragments), bool)
-        present[rows] = True
-        inside = present[ends].all(axis=1)
+        place = np.full(len(self._fragments), -1)
+        place[rows] = np.arange(len(rows))
+        inside = (place[ends] >= 0).all(axis=1)
         pairs, ends = pairs[inside], ends[inside]
         some = self.pairs
-        local = np.searchsorted(rows, ends)
         scene = Scene(
             self.surfaces(rows),
             self.origin,
-            local,
+            np.sort(place[ends], axis=1),
             some["distance"][pairs],
             some["visibility"][pairs],
         )

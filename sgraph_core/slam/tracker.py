@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from threading import RLock
@@ -18,7 +18,6 @@ from sgraph_concepts.types import (
     FactorContext,
     FactorResult,
     FloatArray,
-    IntArray,
     SurfaceArrays,
 )
 from sgraph_core.backend.concept_factors import NO_FACTOR, made_by
@@ -205,13 +204,9 @@ class ConceptTracker:
         Raises:
             InputError: an id is unknown or a number breaks the map file's rules.
         """
-        keyframes, surfaces = keyframes or {}, surfaces or {}
-        poses = _stacked("pose", list(keyframes.values()), (7,))
-        segments = _stacked("segment", [segment for segment, _ in surfaces.values()], (2, 2))
-        normals = _stacked("normal", [normal for _, normal in surfaces.values()], (2,))
         with self._lock:
-            ids = list(surfaces)
-            self._graph.move(_ids(keyframes), poses, _ids(surfaces), segments, normals)
+            self._graph.move(keyframes, surfaces)
+            ids = list(surfaces or {})
             now = self._ordered(ids)
             for surface, segment in zip(ids, now.segments, strict=True):
                 if surface in self._mapped:
@@ -392,15 +387,3 @@ class ConceptTracker:
             np.concatenate([now.segments, [known[i][0] for i in rest]]),
             np.concatenate([now.normals, [known[i][1] for i in rest]]),
         )
-
-
-def _ids(values: Iterable[int]) -> IntArray:
-    return np.array(list(values), np.int64)
-
-
-def _stacked(name: str, rows: Sequence[ArrayLike], shape: tuple[int, ...]) -> FloatArray:
-    arrays = [np.asarray(row, np.float64) for row in rows]
-    for row, array in zip(rows, arrays, strict=True):
-        if array.shape != shape:
-            raise InputError(f"{name} = {row!r}: must have shape {list(shape)}")
-    return np.array(arrays).reshape(-1, *shape)
