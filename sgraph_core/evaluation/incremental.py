@@ -75,10 +75,7 @@ def drive_through(rooms: int, columns: int | None = None, seed: int = 0) -> list
     columns = columns or math.ceil(math.sqrt(rooms))
     places = [_place(number, columns) for number in range(rooms)]
     pitch = np.array(ROOM_M) + WALL_M
-    doors = {
-        frozenset(ends): float(rng.uniform(-0.8, 0.8))
-        for ends in pairwise(places)
-    }
+    doors = {frozenset(ends): float(rng.uniform(-0.8, 0.8)) for ends in pairwise(places)}
     visits: list[Visit] = []
     surface = 0
     for place in places:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import gtsam
 
-from sgraph_concepts.errors import InputError
+from sgraph_concepts.errors import ConceptError, InputError
 from sgraph_concepts.types import FactorResult
 
 __all__ = ["Handout", "Ledger", "NodeKey"]
@@ -32,8 +32,8 @@ class Handout:
 class _Held:
     """What a node has in the graph: keys of its variables, indices of its factors."""
 
-    keys: frozenset[int]
-    indices: tuple[int, ...]
+    keys: frozenset[int] = frozenset()
+    indices: tuple[int, ...] = ()
 
 
 class Ledger:
@@ -41,6 +41,7 @@ class Ledger:
 
     def __init__(self) -> None:
         self._held: dict[NodeKey, _Held] = {}
+        self._owner: dict[int, NodeKey] = {}
         self._waiting: list[tuple[NodeKey, int]] = []
 
     @property
@@ -64,18 +65,22 @@ class Ledger:
         Args:
             gone: nodes whose factors go.
             made: nodes with their factors; those that they have had so far go.
+
+        Raises:
+            ConceptError: two nodes have a variable of one key.
         """
         factors, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-        gone = list(gone)
-        concerned = [
-            self._held[node] for node in (*gone, *(n for n, _ in made)) if node in self._held
-        ]
+        gone, replaced = list(gone), [node for node, _ in made]
+        concerned = [self._held[node] for node in (*gone, *replaced) if node in self._held]
         present = {key for held in concerned for key in held.keys}
         kept = set()
-        for _, result in made:
+        for node, result in made:
             for factor in result.factors:
                 factors.add(factor)
             for key, value in result.values:
+                owner = self._owner.get(key, node)
+                if values.exists(key) or key in kept or owner != node:
+                    raise ConceptError(f"{node[0]} {node[1]}: its variable {key} exists already")
                 if key in present:
                     kept.add(key)
                 else:
@@ -86,11 +91,14 @@ class Ledger:
     def commit(self, handout: Handout) -> None:
         """Remember what a handout replaces; its factors wait for their indices."""
         for node in (*handout.gone, *(node for node, _ in handout.made)):
-            self._held.pop(node, None)
+            for key in self._held.pop(node, _Held()).keys:
+                del self._owner[key]
         self._waiting = []
         for node, result in handout.made:
             if result.factors:
-                self._held[node] = _Held(frozenset(key for key, _ in result.values), ())
+                keys = frozenset(key for key, _ in result.values)
+                self._held[node] = _Held(keys)
+                self._owner |= dict.fromkeys(keys, node)
                 self._waiting.append((node, len(result.factors)))
 
     def placed(self, indices: Sequence[int]) -> None:

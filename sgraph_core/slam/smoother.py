@@ -8,10 +8,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import gtsam
 import networkx as nx
 import numpy as np
-from numpy.typing import ArrayLike
 
 from sgraph_concepts.errors import OptimizationError
-from sgraph_concepts.types import FloatArray
 from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.low_layers import (
     add_observations,
@@ -31,7 +29,6 @@ RELINEARIZE = 0.01
 """A variable is linearised anew when it has moved by more, in rad or m."""
 
 Rows = TypeVar("Rows")
-Moves = tuple[dict[int, ArrayLike], dict[int, tuple[ArrayLike, ArrayLike]]]
 
 
 class Smoother:
@@ -104,28 +101,10 @@ class Smoother:
         self._surfaces.update(surfaces)
         return indices[own:]
 
-    def estimate(self, graph: SGraph) -> Moves:
-        """Return where the solution puts keyframes and surfaces, as ConceptTracker.move takes it.
-
-        A surface is carried along by the keyframes that observed it, then put onto its plane.
-        """
-        solved = self._isam.calculateEstimate()
-        ids = graph.keyframes.ids.tolist()
-        poses = np.array([_pose_row(solved.atPose3(self._keys.keyframe(i))) for i in ids])
-        surfaces = sorted(self._surfaces)
-        planes = np.array(
-            [solved.atOrientedPlane3(self._keys.surface(i)).planeCoefficients() for i in surfaces]
-        ).reshape(-1, 4)
-        size = np.linalg.norm(planes[:, :2], axis=1)
-        normals, offsets = planes[:, :2] / size[:, None], planes[:, 3] / size
-        segments = _carried(graph, poses, surfaces)
-        off = (segments @ normals[:, :, None])[..., 0] + offsets[:, None]
-        segments = segments - off[..., None] * normals[:, None]
-        moved = zip(surfaces, segments, normals, strict=True)
-        return (
-            dict(zip(ids, poses, strict=True)),
-            {surface: (segment, normal) for surface, segment, normal in moved},
-        )
+    @property
+    def values(self) -> gtsam.Values:
+        """The solution so far."""
+        return self._isam.calculateEstimate()
 
     def _solve(
         self, factors: gtsam.NonlinearFactorGraph, values: gtsam.Values, remove: list[int]
@@ -147,36 +126,3 @@ def _since(table: Rows, first: int) -> Rows:
         for column in fields(table)  # type: ignore[arg-type]
     }
     return type(table)(**columns)
-
-
-def _carried(graph: SGraph, poses: FloatArray, surfaces: list[int]) -> FloatArray:
-    """Return surfaces' segments as the keyframes that observed them carry them along, [N, 2, 2].
-
-    Each keyframe takes a point rigidly from its old pose to its new one; the mean counts.
-    """
-    from scipy.spatial.transform import Rotation
-
-    before = graph.keyframes.poses
-    turn = (Rotation.from_quat(poses[:, 3:]) * Rotation.from_quat(before[:, 3:]).inv()).as_matrix()
-    row_of = {surface: k for k, surface in enumerate(surfaces)}
-    seen = graph.observations
-    place = np.array([row_of[i] for i in seen.surface_ids.tolist()], np.int64)
-    rows = np.array([graph.keyframe_row(i) for i in seen.keyframe_ids.tolist()], np.int64)
-    segments = graph.wall_surfaces.segments[[graph.surface_row(i) for i in surfaces]]
-    points = np.concatenate([segments, np.zeros((len(segments), 2, 1))], axis=2)[place]
-    taken = np.einsum("oij,opj->opi", turn[rows], points - before[rows, None, :3])
-    taken += poses[rows, None, :3]
-    total = np.zeros_like(segments)
-    np.add.at(total, place, taken[..., :2])
-    return np.asarray(total / np.bincount(place, minlength=len(segments))[:, None, None])
-
-
-def _pose_row(pose: gtsam.Pose3) -> list[float]:
-    quaternion: Any = pose.rotation().toQuaternion()  # gtsam's stubs know nothing of it
-    return [
-        *pose.translation().tolist(),
-        quaternion.x(),
-        quaternion.y(),
-        quaternion.z(),
-        quaternion.w(),
-    ]

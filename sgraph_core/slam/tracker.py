@@ -26,6 +26,7 @@ from sgraph_core.backend.low_layers import vertical_planes
 from sgraph_core.detector import Detector
 from sgraph_core.graph import SGraph
 from sgraph_core.slam.clusters import Members
+from sgraph_core.slam.estimate import moves
 from sgraph_core.slam.handout import Ledger, NodeKey
 from sgraph_core.slam.inference import LiveInference, Work
 from sgraph_core.slam.nodes import LiveNodes, NodeChanges
@@ -214,6 +215,21 @@ class ConceptTracker:
                     if moved > self._tolerance:
                         self._pending.add(surface)
 
+    def follow(self, values: gtsam.Values) -> None:
+        """Move keyframes and surfaces to where an optimiser has them.
+
+        A surface is carried along by the keyframes that observed it, and put onto its plane. The
+        time this takes grows with the map.
+
+        Args:
+            values: of variables on the tracker's keys; what it does not hold stays where it is.
+
+        Raises:
+            InputError: a value breaks the map file's rules.
+        """
+        with self._lock:
+            self.move(*moves(self._graph, self._keys, values))
+
     # -- what follows --------------------------------------------------------------------------
 
     def update(self) -> Update:
@@ -245,9 +261,7 @@ class ConceptTracker:
             self._ledger.placed(indices)
 
     def optimize(self) -> Update:
-        """Update, and optimise the map with its concepts by ISAM2; move the map accordingly.
-
-        Reading the whole estimate back takes time that grows with the map.
+        """Update, optimise the map with its concepts by ISAM2, and :meth:`follow` the solution.
 
         Raises:
             InputError: the factors of an update went to a graph of the caller's.
@@ -263,13 +277,12 @@ class ConceptTracker:
             update = self._update()
             try:
                 self._ledger.placed(smoother.add(self._graph, update))
-                poses, surfaces = smoother.estimate(self._graph)
             except OptimizationError:
                 self._smoother, self._ledger = None, Ledger()
                 self._unmade = True
                 raise
             self._smoother = smoother
-            self.move(poses, surfaces)
+            self.follow(smoother.values)
             return update
 
     def _update(self) -> Update:

@@ -351,6 +351,39 @@ def test_a_plugin_that_fails_changes_nothing_and_the_next_update_makes_up_for_it
     assert made_up == as_usual
 
 
+def test_a_graph_that_cannot_be_solved_is_named_and_built_anew(
+    detector: Detector, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    keyframes = keyframes_of(drive(1).graph)
+    moody, calm = (
+        ConceptTracker(detector=detector, factor_types={"room": "zone:moody_factor"})
+        for _ in range(2)
+    )
+    for number, enter in enumerate(keyframes[:8]):
+        enter(moody)
+        enter(calm)
+        calm.optimize()
+        if number == 6:
+            where = moody.snapshot().keyframes.poses.tolist()
+            monkeypatch.setattr(Moody, "floats", True)
+            with pytest.raises(OptimizationError, match="the factor graph cannot be solved"):
+                moody.optimize()
+            assert moody.snapshot().keyframes.poses.tolist() == where
+            monkeypatch.setattr(Moody, "floats", False)
+        moody.optimize()
+    poses = [tracker.snapshot().keyframes.poses for tracker in (moody, calm)]
+    assert poses[0] == pytest.approx(poses[1], abs=0.02)
+
+
+def test_two_nodes_with_one_variable_are_refused(detector: Detector) -> None:
+    one_key = Keys(node=lambda _concept, _i, _v: 77)
+    tracker = ConceptTracker(detector=detector, keys=one_key)
+    for enter in keyframes_of(drive(1).graph):
+        enter(tracker)
+    with pytest.raises(ConceptError, match=r"wall \d+: its variable 77 exists already"):
+        tracker.update()
+
+
 def bad_calls(tracker: ConceptTracker) -> dict[str, Callable[[], object]]:
     segment: FloatArray = np.array([[0.0, 0.0], [0.0, 1.0]])
     level = [0.0, 0, 0, 0, 0, 0, 1]
