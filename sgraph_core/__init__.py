@@ -19,8 +19,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from sgraph_core.api import infer
     from sgraph_core.detector import Detector
+    from sgraph_core.formats import load
     from sgraph_core.graph import SGraph
-    from sgraph_core.map_file import load, save
+    from sgraph_core.map_file import save
 
 __all__ = ["Detector", "SGraph", "infer", "load", "save"]
 
@@ -28,7 +29,7 @@ _HOMES = {
     "Detector": "sgraph_core.detector",
     "SGraph": "sgraph_core.graph",
     "infer": "sgraph_core.api",
-    "load": "sgraph_core.map_file",
+    "load": "sgraph_core.formats",
     "save": "sgraph_core.map_file",
 }
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -137,9 +137,9 @@ class Detector:
         run = Inference(self, fragments, self.scene(fragments.surfaces, graph.grid), room_pins)
         for concept in self.registry.select(None if concepts is None else list(concepts)):
             name, groups = concept.spec.name, concept.spec.groups
-            nodes = run.nodes(concept, result.concepts.get(groups, []))
             names = pins.room_names if name == PINNED_CONCEPT else {}
-            result.concepts[name] = keep_identity(nodes, graph.concepts.get(name, []), names)
+            grouped, before = result.concepts.get(groups, []), graph.concepts.get(name, [])
+            result.concepts[name] = run.nodes(concept, grouped, before, names)
             if groups != WALL_SURFACE:
                 result.groups[name] = groups
         return Trace(result, fragments, run.scene, run.relations, run.clusters, room_pins)
@@ -177,9 +177,20 @@ class Inference:
         return network.encode(network.inputs(self.scene))
 
     def nodes(
-        self, concept: RegisteredConcept, grouped: Sequence[ConceptNode]
+        self,
+        concept: RegisteredConcept,
+        grouped: Sequence[ConceptNode],
+        before: Sequence[ConceptNode],
+        names: Mapping[int, str],
     ) -> list[ConceptNode]:
-        """Return the concept's nodes, with ids yet to be decided."""
+        """Return the concept's nodes.
+
+        Args:
+            concept: the concept.
+            grouped: the nodes that it groups, if it groups another concept's.
+            before: its nodes before, which give their ids and names to those they persist in.
+            names: names decided by a person, by node id.
+        """
         groups_surfaces = concept.spec.groups == WALL_SURFACE
         if not groups_surfaces and not grouped:
             return []
@@ -189,16 +200,20 @@ class Inference:
         if groups_surfaces:
             self.relations[concept.spec.name] = self.calibrated(concept, edges)
             self.clusters[concept.spec.name] = clusters
-        return [
+        found = [
             ConceptNode(
                 0,
                 tuple(sorted(members)),
-                None,
-                self.shape(concept, np.array(cluster.members, np.int64), scene),
-                self.confidence(concept, cluster, len(members)),
+                confidence=self.confidence(concept, cluster, len(members)),
             )
             for members, cluster in clusters.items()
         ]
+        nodes = keep_identity(found, before, names)
+        rows = {
+            node.id: np.array(clusters[frozenset(node.members)].members, np.int64) for node in nodes
+        }
+        shapes = self.shapes(concept, rows, scene)
+        return [replace(node, shape=shapes[node.id]) for node in nodes]
 
     def _by_members(
         self, concept: RegisteredConcept, edges: ScoredEdges, scene: Scene
@@ -287,14 +302,18 @@ class Inference:
             )
         return clusters
 
-    def shape(self, concept: RegisteredConcept, rows: IntArray, scene: Scene) -> NodeShape:
-        """Return the geometry in the world of a cluster of rows of a scene."""
+    def shapes(
+        self, concept: RegisteredConcept, rows: Mapping[int, IntArray], scene: Scene
+    ) -> dict[int, NodeShape]:
+        """Return the shapes of nodes in the world, from the rows of each one's members."""
         if concept.spec.shape is None:
-            return _at(_middle(rows, scene), scene.origin)
-        shape = self._call(concept.spec.name, "shape", None, rows, scene)
-        if not isinstance(shape, NodeShape):
-            raise ConceptError(f"shape of concept {concept.spec.name!r} must return a NodeShape")
-        return _at(shape, scene.origin)
+            shapes = {node: _middle(members, scene) for node, members in rows.items()}
+        else:
+            shapes = self._call(concept.spec.name, "shape", None, rows, scene)
+            problem = _problem_of_shapes(shapes, rows)
+            if problem:
+                raise ConceptError(f"shape of concept {concept.spec.name!r} {problem}")
+        return {node: _at(shapes[node], scene.origin) for node in rows}
 
     def _call(self, name: str, kind: str, chosen: str | None, *arguments: object) -> Any:
         """Return what a concept's declared or chosen part makes of its arguments."""
@@ -316,6 +335,16 @@ def _problem(clusters: object, total: int) -> str:
         return "returned a row that does not exist"
     if not all(0 <= cluster.confidence <= 1 for cluster in clusters):
         return "returned a confidence that is not from 0 to 1"
+    return ""
+
+
+def _problem_of_shapes(shapes: object, nodes: Iterable[int]) -> str:
+    """Return what is wrong with the shapes of nodes; empty if nothing."""
+    if not isinstance(shapes, Mapping):
+        return "must return a mapping from the nodes' ids to their NodeShapes"
+    for node in nodes:
+        if not isinstance(shapes.get(node), NodeShape):
+            return f"must return a NodeShape for every node, but returned none for {node}"
     return ""
 
 

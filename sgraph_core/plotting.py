@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sgraph_concepts.errors import InputError
-from sgraph_concepts.types import ConceptNode
+from sgraph_concepts.types import ConceptNode, FloatArray, OccupancyGrid
 from sgraph_core.files import write_whole
 from sgraph_core.graph import SGraph
 
@@ -22,6 +23,10 @@ FORMATS = (".png", ".svg", ".pdf")
 LARGEST_SIDE_INCH = 14.0
 SMALLEST_SIDE_INCH = 5.0
 INCHES_PER_METRE = 0.5
+MOST_GRID_PIXELS = 2000
+"""Longer sides of a grid are thinned out: a picture has hardly more pixels."""
+GRID_COLOURS = ("1.0", "0.4", "0.85")
+"""Of free, occupied and unknown cells."""
 
 
 def plot(graph: SGraph, path: str | Path) -> None:
@@ -71,7 +76,10 @@ def write_figure(figure: Figure, path: str | Path) -> None:
 
 
 def draw(graph: SGraph, axes: Axes) -> None:
-    """Draw rooms as filled polygons, walls as bodies, surfaces as lines and keyframes as a path."""
+    """Draw rooms as filled polygons, walls as bodies, surfaces as lines and keyframes as a path.
+
+    The grid that the surfaces were extracted from, if any, lies underneath.
+    """
     from matplotlib import colormaps
 
     colours = colormaps["tab20"].colors  # type: ignore[attr-defined]
@@ -85,6 +93,11 @@ def draw(graph: SGraph, axes: Axes) -> None:
     if len(poses):
         axes.plot(*poses[:, :2].T, ".-", color="0.35", lw=0.6, ms=2, zorder=5, label="keyframes")
         axes.legend(loc="upper right", fontsize="small")
+    if graph.grid is not None:
+        if not len(graph.wall_surfaces.ids):
+            axes.update_datalim(_corners(graph.grid))
+            axes.autoscale_view()
+        _draw_grid(graph.grid, axes)
     axes.set_aspect("equal")
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
@@ -95,12 +108,52 @@ def draw(graph: SGraph, axes: Axes) -> None:
 
 def _size(graph: SGraph) -> tuple[float, float]:
     points = graph.wall_surfaces.segments.reshape(-1, 2)
+    if not len(points) and graph.grid is not None:
+        points = _corners(graph.grid)
     if not len(points):
         return SMALLEST_SIDE_INCH, SMALLEST_SIDE_INCH
     inches = INCHES_PER_METRE * np.ptp(points, axis=0)
     inches *= min(1.0, LARGEST_SIDE_INCH / max(inches.max(), 1e-9))
     width, height = np.maximum(inches, SMALLEST_SIDE_INCH).tolist()
     return width, height
+
+
+def _corners(grid: OccupancyGrid) -> FloatArray:
+    height, width = grid.cells.shape
+    return grid.to_world(np.array([[0, 0], [width, 0], [width, height], [0, height]], float))
+
+
+def _draw_grid(grid: OccupancyGrid, axes: Axes) -> None:
+    from matplotlib.colors import ListedColormap
+    from matplotlib.transforms import Affine2D
+
+    axes.autoscale(False)  # the picture shows what was found, not all of the grid
+    step = max(1, *(-(-side // MOST_GRID_PIXELS) for side in grid.cells.shape))
+    cells = _coarse(grid.cells, step)
+    to_world = Affine2D().scale(grid.resolution).rotate(grid.origin[2]).translate(*grid.origin[:2])
+    height, width = cells.shape
+    axes.imshow(
+        cells,
+        cmap=ListedColormap(GRID_COLOURS),
+        vmin=0,
+        vmax=len(GRID_COLOURS) - 1,
+        extent=(0, width * step, 0, height * step),
+        origin="lower",
+        interpolation="nearest",
+        transform=to_world + axes.transData,
+        zorder=0,
+    )
+
+
+def _coarse(cells: NDArray[np.uint8], step: int) -> NDArray[np.uint8]:
+    """Return every step-th cell; occupied cells between them are kept, or thin walls would go."""
+    coarse = cells[::step, ::step].copy()
+    for row in range(step):
+        for column in range(step):
+            occupied = cells[row::step, column::step] == OccupancyGrid.OCCUPIED
+            height, width = occupied.shape
+            coarse[:height, :width][occupied] = OccupancyGrid.OCCUPIED
+    return coarse
 
 
 def _draw_walls(graph: SGraph, axes: Axes) -> None:

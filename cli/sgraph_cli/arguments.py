@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sgraph_cli.console import note, warn_about_plugins
+from sgraph_cli.console import note, progress, warn_about_plugins, warnings_as_notes
 
 if TYPE_CHECKING:
     from sgraph_core.detector import Detector
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Clusterers",
+    "MapFile",
     "Scorer",
     "ScorerName",
     "Weights",
@@ -24,6 +25,7 @@ __all__ = [
     "load_map",
     "make_detector",
     "refuse_beside",
+    "warn_about_absent",
     "warn_about_lists",
 ]
 
@@ -35,6 +37,12 @@ class ScorerName(StrEnum):
     baseline = "baseline"
 
 
+MapFile = Annotated[
+    Path,
+    typer.Argument(
+        metavar="MAP", help="A sgraph-map JSON file, or the YAML file of a ROS map_server map."
+    ),
+]
 Scorer = Annotated[
     ScorerName, typer.Option(help="The trained network, or the rules without learning.")
 ]
@@ -108,12 +116,18 @@ def warn_about_lists(paths: Sequence[Path], lists: Sequence[Path]) -> None:
     """Say on stderr which names of lists are of no map in any of the paths."""
     from sgraph_core.evaluation.sources import absent_names
 
-    for file, names in absent_names(paths, lists).items():
+    warn_about_absent(absent_names(paths, lists))
+
+
+def warn_about_absent(absent: Mapping[Path, Sequence[str]]) -> None:
+    """Say on stderr which names, by the list they stand in, are of no map."""
+    for file, names in absent.items():
         note(f"sgraph: warning: {file}: no PATH holds {', '.join(names)}")
 
 
 def load_map(path: Path) -> SGraph:
-    """Read a map of any supported format."""
-    from sgraph_core.map_file import load
+    """Read a map of any supported format; warn of what looks wrong in it."""
+    from sgraph_core.formats import load
 
-    return load(path)
+    with progress() as report, warnings_as_notes():
+        return load(path, report)

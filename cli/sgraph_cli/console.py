@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Protocol
@@ -11,7 +12,14 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-__all__ = ["ProgressReport", "note", "print_table", "progress", "warn_about_plugins"]
+__all__ = [
+    "ProgressReport",
+    "note",
+    "print_table",
+    "progress",
+    "warn_about_plugins",
+    "warnings_as_notes",
+]
 
 WIDEST = 300
 
@@ -50,23 +58,38 @@ def warn_about_plugins(problems: list[object]) -> None:
 
 
 @contextmanager
+def warnings_as_notes() -> Iterator[None]:
+    """Say on stderr what Python warns of; nothing if an error comes out."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        yield
+    for warning in caught:
+        note("sgraph: warning: " + " ".join(str(warning.message).split()))
+
+
+@contextmanager
 def progress() -> Iterator[ProgressReport]:
-    """Show a progress bar on stderr if it is a terminal, else nothing."""
+    """Show a progress bar on stderr, once there is progress, if it is a terminal."""
+    if not sys.stderr.isatty():
+        yield lambda _what, _done, _total: None
+        return
     from rich.console import Console
     from rich.progress import Progress, TaskID, TimeRemainingColumn
 
-    console = Console(stderr=True)
     tasks: dict[str, TaskID] = {}
-    with Progress(
+    bar = Progress(
         *Progress.get_default_columns()[:-1],
         TimeRemainingColumn(elapsed_when_finished=True),
-        console=console,
-        disable=not console.is_terminal,
-    ) as bar:
+        console=Console(stderr=True),
+    )
 
-        def report(what: str, done: int, total: int, /) -> None:
-            if what not in tasks:
-                tasks[what] = bar.add_task(what, total=total)
-            bar.update(tasks[what], completed=done)
+    def report(what: str, done: int, total: int, /) -> None:
+        if what not in tasks:
+            bar.start()
+            tasks[what] = bar.add_task(what, total=total)
+        bar.update(tasks[what], completed=done)
 
+    try:
         yield report
+    finally:
+        bar.stop()

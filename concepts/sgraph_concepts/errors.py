@@ -11,6 +11,7 @@
     ├── OptimizationError        a factor graph that cannot be solved
     ├── TrainingError            training that cannot go on
     └── MissingExtraError        an optional dependency that is not installed
+    MapWarning                   a warning: a map that can be read and looks wrong
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ __all__ = [
     "ConceptError",
     "InputError",
     "MapFileError",
+    "MapWarning",
     "MissingExtraError",
     "OptimizationError",
     "PluginError",
@@ -55,6 +57,10 @@ class MapFileError(SGraphError):
         self.rule = rule
         where = f"{place} = {self.value}" if place and self.value else place or self.value
         super().__init__(": ".join(part for part in (self.path, where, rule) if part))
+
+
+class MapWarning(UserWarning):
+    """A map can be read and looks wrong; the text is one line."""
 
 
 class ConceptError(SGraphError):

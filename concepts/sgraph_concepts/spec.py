@@ -105,7 +105,8 @@ class ConceptSpec(_Frozen):
     )
     shape: Reference | None = Field(
         default=None,
-        description="(members, Scene) -> NodeShape; the mean of the members' midpoints if none.",
+        description="(rows of members by node id, Scene) -> NodeShape by node id; the mean of the "
+        "members' midpoints if none.",
     )
     factor: Reference | None = Field(
         default=None,

@@ -10,7 +10,7 @@ import numpy as np
 from sgraph_concepts.types import ConceptNode
 from sgraph_core.graph import SGraph, Truth
 
-__all__ = ["Counts", "FloorScore", "Judged", "score_floor"]
+__all__ = ["Counts", "FloorScore", "Judged", "matched_rows", "score_floor"]
 
 JACCARD = 0.5
 """A predicted room is a true room if their members' Jaccard index reaches this."""
@@ -110,7 +110,7 @@ def _score_rooms(
     kept = [node for node in nodes if 2 * len(set(node.members) - labelled) <= len(node.members)]
     left_out = len(nodes) - len(kept)
     overlap = _jaccard([set(node.members) for node in kept], scored)
-    right, exact = _matched(overlap >= JACCARD), _matched(overlap == 1.0)
+    right, exact = matched_rows(overlap >= JACCARD), matched_rows(overlap == 1.0)
     return (
         Counts(int(right.sum()), len(kept), len(scored), left_out),
         Counts(int(exact.sum()), len(kept), len(scored), left_out),
@@ -134,7 +134,7 @@ def _jaccard(one: Sequence[set[int]], two: Sequence[set[int]]) -> np.ndarray:
     return np.array(table).reshape(len(one), len(two))
 
 
-def _matched(allowed: np.ndarray) -> np.ndarray:
+def matched_rows(allowed: np.ndarray) -> np.ndarray:
     """Return which rows a one-to-one assignment with the most matches gives a match."""
     from scipy.optimize import linear_sum_assignment
 

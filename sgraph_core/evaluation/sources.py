@@ -10,7 +10,7 @@ from sgraph_concepts.errors import InputError
 from sgraph_core.graph import SGraph, Truth
 from sgraph_core.map_file import load
 
-__all__ = ["Source", "absent_names", "find_sources", "load_with_truth"]
+__all__ = ["Source", "absent_names", "find_sources", "load_with_truth", "read_list"]
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ def find_sources(paths: Sequence[Path], lists: Sequence[Path] = ()) -> list[Sour
     Raises:
         InputError: a folder holds no map, a list cannot be read, or none of its names is there.
     """
-    names = {file: _read_list(file) for file in lists}
+    names = {file: read_list(file) for file in lists}
     sources = []
     for path in paths:
         maps, name = _maps_in(path), path.absolute().stem
@@ -59,7 +59,7 @@ def absent_names(paths: Sequence[Path], lists: Sequence[Path]) -> dict[Path, lis
         InputError: as :func:`find_sources` does.
     """
     there = {file.stem for source in find_sources(paths, lists) for file in source.files}
-    absent = {file: sorted(_read_list(file) - there) for file in lists}
+    absent = {file: sorted(read_list(file) - there) for file in lists}
     return {file: names for file, names in absent.items() if names}
 
 
@@ -85,7 +85,12 @@ def _maps_in(path: Path) -> tuple[Path, ...]:
     return files
 
 
-def _read_list(file: Path) -> set[str]:
+def read_list(file: Path) -> set[str]:
+    """Return the names of maps that a text file lists.
+
+    Raises:
+        InputError: it cannot be read.
+    """
     try:
         text = file.read_text(encoding="utf-8-sig")  # editors may put a byte order mark first
     except (OSError, UnicodeDecodeError) as error:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sgraph_concepts.registry import RegisteredConcept
-from sgraph_concepts.types import Cluster, ConceptNode, IntArray, NodeShape, ScoredEdges
+from sgraph_concepts.types import Cluster, IntArray, ScoredEdges
 from sgraph_core.detector import Detector, Inference
 from sgraph_core.slam.fragments import Changed, LiveFragments
 from sgraph_core.slam.pairs import LivePairs
@@ -36,13 +36,11 @@ class _Found:
         rows: of the fragments.
         sure: the clusterer's confidence.
         nodes: how sure each node is, by its members.
-        shape: of the nodes.
     """
 
     rows: frozenset[int]
     sure: float
     nodes: Mapping[Members, float]
-    shape: NodeShape
 
 
 class LiveClusters:
@@ -95,13 +93,25 @@ class LiveClusters:
                 return self._replace(old.difference(new), set(new) - old), len(context)
             inner = self._whole(held)
 
-    def node(self, members: Members) -> ConceptNode | None:
-        """Return the node of these members, its id yet to be decided, if there is one."""
-        giving = self._giving.get(members)
-        if not giving:
-            return None
-        surest = max(giving, key=lambda found: (found.nodes[members], sorted(found.rows)))
-        return ConceptNode(0, tuple(sorted(members)), None, surest.shape, surest.nodes[members])
+    def confidence(self, members: Members) -> float | None:
+        """Return how sure the node of these members is, None if there is none."""
+        found = self._surest(members)
+        return None if found is None else found.nodes[members]
+
+    def rows(self, members: Members) -> IntArray:
+        """Return the fragments of the node of these members, in one order whenever they came."""
+        found = self._surest(members)
+        return (
+            np.empty(0, np.int64)
+            if found is None
+            else self._fragments.in_order(rows_of(found.rows))
+        )
+
+    def _surest(self, members: Members) -> _Found | None:
+        giving = self._giving.get(members, ())
+        return max(
+            giving, key=lambda found: (found.nodes[members], sorted(found.rows)), default=None
+        )
 
     def _holding(self, rows: IntArray) -> set[_Found]:
         return {found for row in rows.tolist() for found in self._of_row.get(row, ())}
@@ -146,7 +156,7 @@ class LiveClusters:
                 continue
             before = known.get(whole)
             if before is None or self._differs(before, cluster):
-                before = self._found(inference, cluster, whole, before)
+                before = self._found(inference, cluster, whole)
             result.append(before)
         return result
 
@@ -154,17 +164,13 @@ class LiveClusters:
         stand_for_others = not self._repeated.isdisjoint(found.rows)
         return stand_for_others or abs(found.sure - cluster.confidence) > SAME_SURE
 
-    def _found(
-        self, inference: Inference, cluster: Cluster, rows: frozenset[int], known: _Found | None
-    ) -> _Found:
-        """Return a cluster with the nodes that it gives; the same rows have the same shape."""
+    def _found(self, inference: Inference, cluster: Cluster, rows: frozenset[int]) -> _Found:
         local = np.array(cluster.members, np.int64)
-        shape = known.shape if known else inference.shape(self._concept, local, inference.scene)
         nodes = {
             members: inference.confidence(self._concept, cluster, len(members))
             for members in inference.members_of(self._concept, local)
         }
-        return _Found(rows, cluster.confidence, nodes, shape)
+        return _Found(rows, cluster.confidence, nodes)
 
     def _replace(self, old: set[_Found], new: set[_Found]) -> set[Members]:
         concerned: set[Members] = set()

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from sgraph_concepts.errors import InputError
 from sgraph_concepts.registry import RegisteredConcept
-from sgraph_concepts.types import ConceptNode, FloatArray, SurfaceArrays
+from sgraph_concepts.types import ConceptNode, FloatArray, NodeShape, SurfaceArrays
 from sgraph_core.detector import Detector, Inference
 from sgraph_core.slam.clusters import LiveClusters, Members
 from sgraph_core.slam.fragments import LiveFragments
 from sgraph_core.slam.pairs import LivePairs
 from sgraph_core.slam.relations import LiveRelations
+from sgraph_core.slam.shapes import LiveShapes
 
 __all__ = ["LiveInference", "Work"]
 
@@ -66,6 +67,10 @@ class LiveInference:
             concept.spec.name: LiveClusters(concept, column, detector, self._fragments, self._pairs)
             for column, concept in enumerate(concepts)
         }
+        self._shapes = {
+            concept.spec.name: LiveShapes(concept, detector, self._fragments, self._pairs)
+            for concept in concepts
+        }
 
     def update(self, surfaces: SurfaceArrays) -> tuple[dict[str, set[Members]], Work]:
         """Take new surfaces in, and those among them that are known as they are now.
@@ -88,16 +93,31 @@ class LiveInference:
         self._fragments.fragments.settle()
         return concerned, Work(changed.preprocessed, pairs.looked, rows, most)
 
-    def node(self, concept: str, members: Members) -> ConceptNode | None:
-        """Return a concept's node of these members, its id yet to be decided, if there is one."""
-        return self._clusters[concept].node(members)
+    def confidence(self, concept: str, members: Members) -> float | None:
+        """Return how sure a concept's node of these members is, None if there is none."""
+        return self._clusters[concept].confidence(members)
+
+    def shapes(
+        self, concept: str, gone: Iterable[int], there: Mapping[int, Members]
+    ) -> dict[int, NodeShape]:
+        """Return the shapes, by id, of the nodes next to those that came, went or changed.
+
+        Args:
+            concept: whose nodes.
+            gone: ids of nodes that are no more.
+            there: members of nodes that may be new or changed, by id.
+        """
+        rows = {node: self._clusters[concept].rows(members) for node, members in there.items()}
+        return self._shapes[concept].update(gone, rows)
 
     def nodes_of_nodes(
-        self, concept: RegisteredConcept, grouped: Sequence[ConceptNode]
+        self,
+        concept: RegisteredConcept,
+        grouped: Sequence[ConceptNode],
+        before: Sequence[ConceptNode],
     ) -> list[ConceptNode]:
-        """Return the nodes of a concept that groups nodes, from all of these, ids to be decided."""
+        """Return the nodes of a concept that groups nodes, from all of these."""
         rows = self._fragments.fragments.alive
-        none = np.empty(0, np.int64)
-        scene, _ = self._pairs.scene(rows, none)
+        scene, _ = self._pairs.scene(rows, np.empty(0, np.int64))
         inference = Inference(self._detector, self._fragments.take(rows), scene)
-        return inference.nodes(concept, grouped)
+        return inference.nodes(concept, grouped, before, {})

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from sgraph_concepts.errors import InputError
-from sgraph_concepts.types import ConceptNode
+from sgraph_concepts.types import ConceptNode, NodeShape
 from sgraph_core.nodes import persisting
 from sgraph_core.slam.clusters import Members
 from sgraph_core.tables import LARGEST_ID
@@ -66,41 +66,71 @@ class LiveNodes:
         """Return the nodes that have a member."""
         return [self.by_id[i] for i in sorted(self._of_member.get(member, ()))]
 
-    def compare(self, now: Mapping[Members, ConceptNode | None]) -> NodeChanges:
-        """Return what changes when there are these nodes of these members, or none.
+    def compare(
+        self, now: Mapping[Members, float | None]
+    ) -> tuple[NodeChanges, dict[int, Members]]:
+        """Return what changes when there are nodes of these members, this sure, or none.
 
         A node persists in one of the same members, else in one that shares half of the smaller
         one's members or more, matched one to one; an id is not used again.
 
+        Returns:
+            The changes, shapes not yet looked at; the members of all nodes that there are of
+            these, by id.
+
         Raises:
             InputError: there is no id left.
         """
-        came, gone, changed = [], [], []
-        for members, node in now.items():
+        came, gone, changed, there = [], [], [], {}
+        for members, confidence in now.items():
             before = self.by_id.get(self._of_members.get(members, -1))
-            if node is None:
+            if confidence is None:
                 gone += [before] if before else []
             elif before is None:
-                came.append(node)
-            elif not _same(before, node):
-                changed.append(replace(node, id=before.id, name=before.name))
+                came.append(ConceptNode(0, tuple(sorted(members)), confidence=confidence))
+            else:
+                there[before.id] = members
+                if not _as_sure(before.confidence, confidence):
+                    changed.append(replace(before, confidence=confidence))
         came.sort(key=lambda node: node.members)
         inherited = persisting(came, gone, {})
         changed += [
-            replace(came[k], id=before.id, name=before.name) for k, before in inherited.items()
+            replace(before, members=came[k].members, confidence=came[k].confidence)
+            for k, before in inherited.items()
         ]
         new = [node for k, node in enumerate(came) if k not in inherited]
         if self._next + len(new) > LARGEST_ID + 1:
             raise InputError(f"there is no id left for a {self._concept}")
+        added = [replace(node, id=self._next + k) for k, node in enumerate(new)]
+        there |= {node.id: frozenset(node.members) for node in (*added, *changed)}
         kept = {before.id for before in inherited.values()}
+        return NodeChanges(added, changed, [node for node in gone if node.id not in kept]), there
+
+    def shaped(self, changes: NodeChanges, shapes: Mapping[int, NodeShape]) -> NodeChanges:
+        """Return changes with these shapes, and with the nodes whose shape alone has changed."""
+        told = {node.id for node in (*changes.added, *changes.changed)}
+        others = [
+            replace(self.by_id[i], shape=shape)
+            for i, shape in shapes.items()
+            if i not in told and self.by_id[i].shape != shape
+        ]
+        added, changed = (
+            [replace(node, shape=shapes.get(node.id, node.shape)) for node in nodes]
+            for nodes in (changes.added, changes.changed)
+        )
+        return NodeChanges(added, _by_id([*changed, *others]), _by_id(changes.removed))
+
+    def replaced_by(self, nodes: Sequence[ConceptNode]) -> NodeChanges:
+        """Return what changes when there are these nodes and no others."""
+        now = {node.id: node for node in nodes}
         return NodeChanges(
-            [replace(node, id=self._next + k) for k, node in enumerate(new)],
-            sorted(changed, key=lambda node: node.id),
-            sorted((node for node in gone if node.id not in kept), key=lambda node: node.id),
+            [node for node in nodes if node.id not in self.by_id],
+            [node for node in nodes if self.by_id.get(node.id, node) != node],
+            [node for node in self.by_id.values() if node.id not in now],
         )
 
     def apply(self, changes: NodeChanges) -> None:
-        """Make the changes that :meth:`compare` returned."""
+        """Make changes."""
         for node in (*changes.removed, *(self.by_id[node.id] for node in changes.changed)):
             del self.by_id[node.id], self._of_members[frozenset(node.members)]
             for member in node.members:
@@ -109,16 +139,16 @@ class LiveNodes:
             self.by_id[node.id] = node
             self._of_members[frozenset(node.members)] = node.id
             self._enter(node)
-        self._next += len(changes.added)
+        self._next = max([self._next, *(node.id + 1 for node in changes.added)])
 
     def _enter(self, node: ConceptNode) -> None:
         for member in node.members:
             self._of_member.setdefault(member, set()).add(node.id)
 
 
-def _same(before: ConceptNode, now: ConceptNode) -> bool:
-    if before.shape != now.shape:
-        return False
-    if before.confidence is None or now.confidence is None:
-        return before.confidence == now.confidence
-    return abs(before.confidence - now.confidence) <= SAME_CONFIDENCE
+def _as_sure(before: float | None, now: float) -> bool:
+    return before is not None and abs(before - now) <= SAME_CONFIDENCE
+
+
+def _by_id(nodes: Sequence[ConceptNode]) -> list[ConceptNode]:
+    return sorted(nodes, key=lambda node: node.id)

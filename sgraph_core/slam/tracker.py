@@ -326,15 +326,17 @@ class ConceptTracker:
         changes: dict[str, NodeChanges] = {}
         for concept in self._concepts:
             name, groups = concept.spec.name, concept.spec.groups
-            nodes, now = self._nodes[name], {}
+            nodes, change = self._nodes[name], NodeChanges()
             if groups == WALL_SURFACE:
                 members = concerned[name] | (nodes.members if anew else set())
-                now = {some: live.node(name, some) for some in members}
+                change, there = nodes.compare({m: live.confidence(name, m) for m in members})
+                gone = [node.id for node in change.removed]
+                change = nodes.shaped(change, live.shapes(name, gone, there))
             elif anew or changes[groups]:
-                found = live.nodes_of_nodes(concept, self._nodes[groups].after(changes[groups]))
-                now = dict.fromkeys(nodes.members)
-                now |= {frozenset(node.members): node for node in found}
-            changes[name] = nodes.compare(now)
+                grouped = self._nodes[groups].after(changes[groups])
+                before = list(nodes.by_id.values())
+                change = nodes.replaced_by(live.nodes_of_nodes(concept, grouped, before))
+            changes[name] = change
         return changes
 
     def _factors(

@@ -189,6 +189,19 @@ def test_a_concept_may_group_another_ones_nodes() -> None:
     assert result.networkx()[("floor", 0)][("zone", 0)]["link"] == "member"
 
 
+def test_shapes_are_made_together_and_know_the_ids() -> None:
+    graph = block(0.1)
+    graph.concepts = {"zone": [ConceptNode(7, (0, 1, 2, 3))]}
+    zones = detector_with(clusterer="zone:two_nodes", shape="zone:boxed").infer(graph)
+    shapes = {node.id: node.shape for node in zones.concepts["zone"]}
+    origin = graph.wall_surfaces.segments.reshape(-1, 2)
+    middle = (origin.min(axis=0) + origin.max(axis=0)) / 2
+    assert shapes[7].attributes == {"others": [8]}
+    assert shapes[8].attributes == {"others": [7]}
+    assert shapes[7].centre == pytest.approx((middle[0], middle[1] + 4))
+    assert shapes[8].centre == pytest.approx((middle[0], middle[1] + 12))
+
+
 def test_where_there_are_no_nodes_to_group_there_is_none() -> None:
     result = detector_with(clusterer="zone:no_nodes").infer(block(0.1))
     assert result.concepts == {"zone": [], "floor": []}
@@ -208,7 +221,8 @@ def test_where_there_are_no_nodes_to_group_there_is_none() -> None:
         ({"clusterer": "published"}, r"nor a built-in \(known: cycles\)"),
         ({"baseline": "os:getcwd"}, "baseline of concept 'zone' fails"),
         ({"shape": "os:getcwd"}, "shape of concept 'zone' fails"),
-        ({"shape": "zone:no_shape"}, "shape of concept 'zone' must return a NodeShape"),
+        ({"shape": "zone:no_shape"}, "shape of concept 'zone' must return a mapping"),
+        ({"shape": "zone:shapeless"}, "must return a NodeShape for every node, but .* none for 0"),
         ({"shape": "zone:missing"}, "has no attribute 'missing'"),
     ],
 )

@@ -142,7 +142,12 @@ def test_a_missing_wall_is_an_open_side_of_the_room_in_the_world(
 
 def test_a_doorway_is_no_open_side_of_the_room(baseline: Detector) -> None:
     (room,) = baseline.infer(room_with(SOUTH_WITH_A_DOOR)).concepts["room"]
-    assert room.shape.attributes == {"area_m2": 20.0, "open_sides": [], "open_m": 0.0}
+    assert room.shape.attributes == {
+        "area_m2": 20.0,
+        "doorways": [],
+        "open_sides": [],
+        "open_m": 0.0,
+    }
 
 
 def test_a_room_that_a_map_holds_is_described_anew(baseline: Detector) -> None:

@@ -33,6 +33,8 @@ def assert_as_inferred_at_once(tracker: ConceptTracker, detector: Detector) -> N
         for node in nodes:
             other = found[frozenset(node.members)]
             assert other.confidence == pytest.approx(node.confidence, abs=0.021)
+            doors, others = (n.shape.attributes.get("doorways", []) for n in (node, other))
+            assert len(doors) == len(others)
             area = node.shape.attributes.get("area_m2", 0.0)
             assert other.shape.attributes.get("area_m2", 0.0) == pytest.approx(area, abs=0.02)
             if concept == "wall" or area > 0.1:  # whether a sliver has an outline is rounding

@@ -25,7 +25,7 @@ from sgraph_core.detector import Detector, Scorer
 from sgraph_core.graph import SGraph
 from sgraph_core.proximity import build_scene
 from sgraph_plugins.room.cluster import cluster
-from sgraph_plugins.room.shape import outline
+from sgraph_plugins.room.outline import outline
 
 
 def outline_of(graph: SGraph, *missing: int) -> shapely.Polygon:
@@ -149,6 +149,20 @@ def test_a_stray_surface_joins_its_most_likely_room() -> None:
         edges, scene = scored(graph, {frozenset({0, 1, 2})}, against)
         (room,) = cluster(edges, scene)
         assert room.members == expected
+
+
+def test_the_short_end_of_a_wall_joins_no_rooms_together() -> None:
+    graph = plan(rectangle(0, 0, 5, 4), rectangle(5.2, 0, 5, 4))
+    graph.add_wall_surface(20, [[5, 2], [5.2, 2]], [0, 1])
+    rooms = {frozenset({0, 1, 2, 3}), frozenset({4, 5, 6, 7})}
+    edges, scene = scored(graph, {frozenset({*room, 20}) for room in rooms}, against=-1.0)
+    of_jamb = (scene.surfaces.ids[scene.pairs] == 20).any(axis=1)
+    edges = ScoredEdges(edges.pairs, np.where(of_jamb, 9.0, edges.logits))
+    found = {
+        frozenset(scene.surfaces.ids[list(c.members)].tolist()) - {20}
+        for c in cluster(edges, scene)
+    }
+    assert found == rooms
 
 
 def test_a_facade_is_no_room() -> None:

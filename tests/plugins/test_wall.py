@@ -103,7 +103,7 @@ def test_one_surface_may_belong_to_several_walls() -> None:
 def test_a_wall_knows_its_centre_and_thickness() -> None:
     graph = plan(rectangle(0, 0, 5, 4), rectangle(5.2, 1, 5, 4))
     scene = build_scene(graph.wall_surfaces.ordered())
-    found = shape(np.array([1, 7]), scene)
+    found = shape({5: np.array([1, 7])}, scene)[5]
     assert found.thickness == pytest.approx(0.2)
     assert found.centre is not None
     assert np.array(found.centre) + scene.origin == pytest.approx([5.1, 2.5])

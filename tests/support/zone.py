@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from sgraph_concepts.types import (
@@ -12,6 +14,7 @@ from sgraph_concepts.types import (
     FactorResult,
     FloatArray,
     IntArray,
+    NodeShape,
     Scene,
     ScoredEdges,
 )
@@ -64,8 +67,20 @@ def bare_rows(_edges: ScoredEdges, _scene: Scene) -> list[tuple[int, ...]]:
     return [(0, 1)]
 
 
-def no_shape(_rows: IntArray, _scene: Scene) -> str:
+def no_shape(_members: Mapping[int, IntArray], _scene: Scene) -> str:
     return "round"
+
+
+def shapeless(_members: Mapping[int, IntArray], _scene: Scene) -> dict[int, NodeShape]:
+    return {}
+
+
+def boxed(members: Mapping[int, IntArray], scene: Scene) -> dict[int, NodeShape]:
+    """Say of every node which nodes there are besides it."""
+    return {
+        node: NodeShape((0.0, float(len(rows))), attributes={"others": sorted({*members} - {node})})
+        for node, rows in members.items()
+    }
 
 
 def failing_factor(_node: ConceptNode, _context: FactorContext) -> float:

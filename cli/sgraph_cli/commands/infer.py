@@ -9,6 +9,7 @@ import typer
 
 from sgraph_cli.arguments import (
     Clusterers,
+    MapFile,
     Scorer,
     ScorerName,
     Weights,
@@ -29,10 +30,15 @@ __all__ = ["infer"]
 
 
 def infer(
-    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A sgraph-map JSON file.")],
+    map_file: MapFile,
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", help="Write the map with its concepts here; may equal MAP."),
+        typer.Option(
+            "-o",
+            "--output",
+            help="Write the map with its concepts here; may equal a JSON MAP. If it ends in .png: "
+            "of an occupancy grid, an image of the rooms' labels, and a YAML file beside it.",
+        ),
     ] = None,
     plot: Annotated[
         Path | None, typer.Option("--plot", help="Write a picture here (.png, .svg or .pdf).")
@@ -78,13 +84,25 @@ def infer(
         raise typer.BadParameter("needs --optimize", param_hint="--factor")
     factors = by_concept(factor or [], "--factor")
     detector = make_detector(scorer, weights, clusterer)
+    from sgraph_core.formats import check_outputs
+    from sgraph_core.grid.label_image import (
+        SUFFIX,
+        check_label_image,
+        description_of,
+        save_label_image,
+    )
     from sgraph_core.map_file import dump, save
     from sgraph_core.plotting import check_name
     from sgraph_core.plotting import plot as draw
 
     if plot is not None:
         check_name(plot)
+    paints = output is not None and output.suffix.lower() == SUFFIX
+    beside = [description_of(output)] if output is not None and paints else []
+    check_outputs(map_file, [file for file in (output, plot) if file is not None], beside)
     graph = load_map(map_file)
+    if output is not None and paints:
+        check_label_image(graph, output)
     if optimize:
         from sgraph_core.api import infer_and_optimize
 
@@ -94,7 +112,7 @@ def infer(
         result = detector.infer(graph, concept)
     answered = None if question is None else answer(question, result, detector)
     if output is not None:
-        save(result, output)
+        (save_label_image if paints else save)(result, output)
     if plot is not None:
         draw(result, plot)
     if answered is not None:

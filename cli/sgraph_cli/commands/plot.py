@@ -7,18 +7,20 @@ from typing import Annotated
 
 import typer
 
-from sgraph_cli.arguments import load_map
+from sgraph_cli.arguments import MapFile, load_map
 
 __all__ = ["plot"]
 
 
 def plot(
-    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="A sgraph-map JSON file.")],
+    map_file: MapFile,
     output: Annotated[
         Path, typer.Option("-o", "--output", help="The picture (.png, .svg or .pdf).")
     ],
 ) -> None:
     """Draw a map with the concepts that it holds."""
+    from sgraph_core.formats import check_outputs
     from sgraph_core.plotting import plot as draw
 
+    check_outputs(map_file, [output])
     draw(load_map(map_file), output)

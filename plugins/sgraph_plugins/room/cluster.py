@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from sgraph_concepts.types import Cluster, IntArray, Scene, ScoredEdges, SurfaceArrays
 from sgraph_core.clustering.canonical import Relation, canonical_relation
 from sgraph_core.clustering.confidence import clusters_of
 from sgraph_core.clustering.multicut import multicut
+from sgraph_core.grid.passages import separated
 
 __all__ = ["cluster"]
 
@@ -15,15 +18,26 @@ FEWEST_MEMBERS = 3
 """Two surfaces enclose nothing."""
 ABSORB_LOGIT = -2.0
 """A smaller cluster joins the room of its most likely relation, if that is not less likely."""
+FULL_WEIGHT_M = 1.0
+"""What relates surfaces shorter than this counts less, in proportion to their lengths: the end of a
+wall in a doorway sees as much of the one room as of the other."""
+NARROW_M = 1.5
+NARROW_LOGIT = -4.0
+"""Where a grid is known: log-odds of surfaces that face spaces which only passages narrower than
+this join, as doors do. Both were chosen on the maps of docs/splits/grids-selection.txt."""
 IN_FRONT_M = 0.3
 """How far a room must reach in front of what joins it."""
 
 
 def cluster(edges: ScoredEdges, scene: Scene) -> list[Cluster]:
     """Partition the surfaces by multicut, let stray ones join, and drop what faces outwards."""
+    if scene.grid is not None:
+        apart = separated(scene.surfaces, edges.pairs, scene.grid, NARROW_M)
+        edges = replace(edges, logits=edges.logits + NARROW_LOGIT * apart)
     relation = canonical_relation(edges, scene)
     surfaces = scene.surfaces.take(relation.rows)
-    groups = multicut(len(relation.rows), relation.pairs, relation.logits)
+    weights = np.minimum(surfaces.lengths / FULL_WEIGHT_M, 1.0)[relation.pairs].prod(axis=1)
+    groups = multicut(len(relation.rows), relation.pairs, weights * relation.logits)
     large = [group for group in groups if len(group) >= FEWEST_MEMBERS]
     small = [group for group in groups if len(group) < FEWEST_MEMBERS]
     joined = _absorb(large, small, relation, surfaces)

@@ -1,0 +1,107 @@
+"""The planes-only front end: from a recording to an S-Graph, keyframe by keyframe.
+
+Every observed surface is taken for the nearest mapped one within a gate, else it becomes a new one.
+ISAM2 corrects poses and planes at every keyframe, so the gate meets the current estimate. Loops are
+not closed beyond what the gate does: after a long way a wall often becomes a second surface.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sgraph_concepts.types import FloatArray, IntArray
+from sgraph_core.frontend.association import GATE, NONE, Gate, Lines
+from sgraph_core.frontend.mapper import Mapper
+from sgraph_core.frontend.planar import as_rows
+from sgraph_core.frontend.recording import Recording
+from sgraph_core.frontend.truth import observed_sources, surface_sources, truth_of_map
+from sgraph_core.graph import SGraph
+
+__all__ = ["MappedDrive", "build_map"]
+
+FEWEST_KEYFRAMES = 2
+"""That saw a surface of the map."""
+
+
+@dataclass(frozen=True, eq=False)
+class MappedDrive:
+    """What the front end makes of a recording.
+
+    Attributes:
+        graph: keyframes (ids count from 0 in the recording's order), odometry, wall surfaces (ids
+            count from 0) and observations, with the truth of a simulated drive.
+        sources: of each wall surface the true surface that it was mapped of, -1 where there is
+            none, [N]. In a simulated drive these are rows of the building's surfaces; in a log
+            they number the surfaces that the reference poses would have mapped. Surfaces with the
+            same source are one surface, mapped several times.
+    """
+
+    graph: SGraph
+    sources: IntArray
+
+
+def build_map(recording: Recording, gate: Gate = GATE) -> MappedDrive:
+    """Map a recording; the same recording gives the same map.
+
+    Surfaces that a single keyframe saw are left out: they tell nothing of the trajectory, and most
+    are clutter.
+
+    Raises:
+        InputError: the recording holds numbers that break an S-Graph's rules.
+    """
+    mapper = Mapper.run(recording, gate)
+    surfaces, associations = _seen_again(mapper)
+    graph = _graph(recording, mapper.poses, surfaces, associations)
+    sources = observed_sources(recording, gate)
+    true = surface_sources(associations, sources, len(surfaces))
+    graph.truth = truth_of_map(recording, associations, sources, true)
+    return MappedDrive(graph, true)
+
+
+def _seen_again(mapper: Mapper) -> tuple[Lines, list[IntArray]]:
+    """Return the surfaces that two or more keyframes saw, and the associations with these."""
+    surfaces = mapper.surfaces()
+    keyframes = np.zeros(len(surfaces), np.int64)
+    for seen in mapper.associations:
+        keyframes[np.unique(seen)] += 1
+    kept = keyframes >= FEWEST_KEYFRAMES
+    numbers = np.where(kept, np.cumsum(kept) - 1, NONE)
+    lines = Lines(surfaces.segments[kept], surfaces.normals[kept])
+    return lines, [numbers[seen] for seen in mapper.associations]
+
+
+def _graph(
+    recording: Recording, poses: FloatArray, surfaces: Lines, associations: list[IntArray]
+) -> SGraph:
+    graph = SGraph(recording.name)
+    keyframes, observed = np.arange(len(recording)), recording.observations
+    graph.extend_keyframes(keyframes, as_rows(poses), recording.stamps)
+    graph.extend_odometry(
+        keyframes[:-1], keyframes[1:], recording.odometry, recording.odometry_sigmas
+    )
+    mapped = np.concatenate(associations)
+    kept = mapped != NONE
+    heights = np.concatenate([o.heights for o in observed])[kept]
+    graph.extend_wall_surfaces(
+        np.arange(len(surfaces)),
+        surfaces.segments,
+        surfaces.normals,
+        _heights(heights, mapped[kept], len(surfaces)),
+    )
+    graph.extend_observations(
+        mapped[kept],
+        np.repeat(keyframes, [len(o) for o in observed])[kept],
+        np.concatenate([o.planes for o in observed])[kept],
+        np.concatenate([o.sigmas for o in observed])[kept],
+    )
+    return graph
+
+
+def _heights(seen: FloatArray, mapped: IntArray, count: int) -> FloatArray:
+    """Return the lowest and highest z at which each surface was seen, NaN where unknown, [N, 2]."""
+    heights = np.tile([np.inf, -np.inf], (count, 1))
+    np.fmin.at(heights[:, 0], mapped, seen[:, 0])
+    np.fmax.at(heights[:, 1], mapped, seen[:, 1])
+    return np.where(np.isfinite(heights), heights, np.nan)

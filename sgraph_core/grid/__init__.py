@@ -1,0 +1,1 @@
+"""Occupancy grids: wall surfaces and rooms from what a robot knows of a floor, cell by cell."""
