@@ -8,7 +8,7 @@ import typer
 
 from sgraph_cli.commands import (
     ablate,
-    benchmark,
+    bench,
     calibrate,
     concepts,
     evaluate,
@@ -56,7 +56,7 @@ app.command("sweep")(sweep.sweep)
 app.command("synth")(maps.synth)
 app.command("train")(train.train)
 app.command("ablate")(ablate.ablate)
-app.command("benchmark")(benchmark.benchmark)
+app.add_typer(bench.app, name="bench")
 app.add_typer(concepts.app, name="concepts")
 
 

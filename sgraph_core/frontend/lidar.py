@@ -39,8 +39,8 @@ class Panels:
 class Lidar:
     """A spinning lidar; the defaults are the Velodyne VLP-16's.
 
-    16 channels from -15 to +15 degrees and 100 m range are the data sheet's, 0.2 degrees of azimuth
-    its resolution at 10 Hz. Its "typical accuracy" of 3 cm is taken as one standard deviation.
+    16 channels from -15 to +15 degrees, 0.2 degrees of azimuth at 10 Hz, 100 m range. Its typical
+    accuracy of 3 cm is taken as one standard deviation of independent errors.
 
     Attributes:
         elevations_deg: of the rings, ascending, R of them.

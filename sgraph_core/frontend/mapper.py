@@ -7,6 +7,7 @@ from dataclasses import replace
 import gtsam
 import numpy as np
 
+from sgraph_concepts.errors import OptimizationError
 from sgraph_concepts.types import FloatArray, IntArray
 from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.low_layers import PRIOR_SIGMA, pose3
@@ -77,7 +78,11 @@ class Mapper:
         odometry: FloatArray | None = None,
         sigmas: FloatArray | None = None,
     ) -> None:
-        """Add a keyframe: what it observed and, but for the first, the motion to it with sigmas."""
+        """Add a keyframe: what it observed and, but for the first, the motion to it with sigmas.
+
+        Raises:
+            OptimizationError: the estimate is under-determined.
+        """
         factors, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         pose = self._add_pose(odometry, sigmas, factors, values)
         if sigmas is not None:
@@ -94,13 +99,21 @@ class Mapper:
             self._surface_keys.append(key)
             values.insert(key, gtsam.OrientedPlane3(nx, ny, 0.0, d))
         self._add_observations(observed, surfaces, factors)
-        self._isam.update(factors, values)
+        self._update(factors, values)
         self._grow(seen, planes, surfaces, pose)
         self._read_estimate()
 
     def surfaces(self) -> Lines:
         """Return the mapped surfaces by the current estimate."""
         return Lines(self._projected(self._ends_in_world()), self._planes[:, :2])
+
+    def _update(self, factors: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> None:
+        try:
+            self._isam.update(factors, values)
+        except RuntimeError as error:
+            reason = " ".join(str(error).split())
+            number = len(self.poses) - 1
+            raise OptimizationError(f"keyframe {number} cannot be mapped: {reason}") from error
 
     def _aligned(
         self, pose: FloatArray, sigmas: FloatArray, observed: ObservedSurfaces

@@ -50,6 +50,7 @@ def build_map(recording: Recording, gate: Gate = GATE) -> MappedDrive:
 
     Raises:
         InputError: the recording holds numbers that break an S-Graph's rules.
+        OptimizationError: the estimate is under-determined.
     """
     mapper = Mapper.run(recording, gate)
     surfaces, associations = _seen_again(mapper)

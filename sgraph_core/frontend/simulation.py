@@ -21,8 +21,6 @@ from sgraph_core.frontend.surfaces import (
 
 __all__ = ["simulate"]
 
-KEYFRAME_M = 1.0
-"""Distance between keyframes."""
 SPEED_M_S = 0.5
 
 
@@ -30,24 +28,33 @@ def simulate(
     floor: Floor,
     seed: int,
     *,
+    keyframe_m: float = 1.0,
     lidar: Lidar = VLP16,
     drift: Drift = DRIFT,
     extraction: Extraction = EXTRACTION,
 ) -> Recording:
     """Drive the tour of a floor; the same seed gives the same recording.
 
+    Args:
+        floor: where to drive.
+        seed: of all noise.
+        keyframe_m: distance between keyframes along the way.
+        lidar: the sensor.
+        drift: the odometry's errors.
+        extraction: how surfaces are found in its scans, and how uneven they are.
+
     Raises:
         InputError: a door is in no wall, or there is no way through doors from stop to stop.
     """
     rng = np.random.default_rng(seed)
-    poses = drive_along(route(floor.free, floor.stops()), KEYFRAME_M)
+    poses = drive_along(route(floor.free, floor.stops()), keyframe_m)
     odometry, sigmas = drifting_odometry(poses, drift, rng)
     panels = floor.panels()
     clouds = [cast(lidar, panels, pose, rng) for pose in poses]
     observed = [extract_surfaces(upright_scan(cloud, extraction), extraction) for cloud in clouds]
     return Recording(
         name=floor.name,
-        stamps=np.arange(len(poses), dtype=np.float64) * (KEYFRAME_M / SPEED_M_S),
+        stamps=np.arange(len(poses), dtype=np.float64) * (keyframe_m / SPEED_M_S),
         odometry=odometry,
         odometry_sigmas=sigmas,
         reference=as_rows(poses),

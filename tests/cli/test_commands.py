@@ -293,10 +293,10 @@ def test_synth_takes_ingredients_from_a_file(sgraph: Any, tmp_path: Path) -> Non
 
 def test_growth_is_told_of_two_sizes_or_more(sgraph: Any) -> None:
     told = "whole inference grows with surfaces to the power of"
-    one = sgraph("benchmark", "--size", 30, "--size", 30, "--repeats", 1)
+    one = sgraph("bench", "speed", "--size", 30, "--size", 30, "--repeats", 1)
     assert (one.returncode, one.stderr) == (0, "")
     assert told not in one.stdout
-    assert told in sgraph("benchmark", "--size", 30, "--size", 60, "--repeats", 1).stdout
+    assert told in sgraph("bench", "speed", "--size", 30, "--size", 60, "--repeats", 1).stdout
 
 
 def test_updates_are_timed_by_room(sgraph: Any) -> None:

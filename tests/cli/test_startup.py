@@ -101,6 +101,6 @@ def test_broken_plugins_beside_ours_are_reported_and_the_rest_works(
     inferred = sgraph("infer", demo_map, "-o", tmp_path / "out.json", PYTHONPATH=path)
     assert inferred.returncode == 0
     assert len(inferred.stderr.splitlines()) == len(BROKEN)
-    timed = sgraph("benchmark", "--size", 30, "--repeats", 1, PYTHONPATH=path)
+    timed = sgraph("bench", "speed", "--size", 30, "--repeats", 1, PYTHONPATH=path)
     assert timed.returncode == 0
     assert len(timed.stderr.splitlines()) == len(BROKEN)

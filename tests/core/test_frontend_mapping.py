@@ -176,6 +176,14 @@ def test_alignment_finds_the_pose_that_surfaces_show() -> None:
     assert unmatched == pytest.approx(predicted)
 
 
+def test_a_drive_that_saw_nothing_gives_a_map_without_surfaces(recording: Recording) -> None:
+    nothing = ObservedSurfaces(*(np.empty((0, *shape)) for shape in ((2, 2), (4,), (2,), (2,))))
+    drive = build_map(replace(recording, observations=(nothing,) * len(recording)))
+    assert len(drive.sources) == len(drive.graph.wall_surfaces.ids) == 0
+    reckoned = recording.dead_reckoned()
+    assert drive.graph.keyframes.poses[:, :3] == pytest.approx(reckoned[:, :3], abs=1e-6)
+
+
 def test_recordings_are_of_one_length(recording: Recording) -> None:
     with pytest.raises(InputError, match="C1F1s: scans is for 90 keyframes, stamps for 91"):
         replace(recording, scans=recording.scans[:-1])

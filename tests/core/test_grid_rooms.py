@@ -378,11 +378,29 @@ def test_a_narrow_passage_is_evidence_against_one_room(known: bool, count: int) 
     grid, (west, east) = two_rooms()
     total = len(west) + len(east)
     surfaces = together(west, east)
-    pairs = np.array([(k, m) for k in range(total) for m in range(k + 1, total)])
+    pairs = np.stack(np.triu_indices(total, k=1), axis=1)
     within = (pairs < len(west)).sum(axis=1) != 1
     edges = ScoredEdges(pairs, np.where(within, 2.0, 1.0))
     nothing = np.zeros(len(pairs))
     scene = Scene(
         surfaces, np.zeros(2), pairs, nothing, nothing[:, None], grid=grid if known else None
     )
+    assert len(cluster(edges, scene)) == count
+
+
+@pytest.mark.parametrize(
+    ("side", "against", "count"),
+    [(20, -1.0, 1), (20, -3.0, 2), (10, -3.0, 1), (40, -1.0, 2)],
+    ids=["a thing in the room", "a closet", "nothing", "a room"],
+)
+def test_what_covers_little_space_joins_the_room_it_likely_belongs_to(
+    side: int, against: float, count: int
+) -> None:
+    grid = grid_of(140, 140, (10, 130, 10, 130))
+    walls = surfaces_of(grid, closed(10, 130, 10, 130))
+    surfaces = together(walls, surfaces_of(grid, closed(60, 60 + side, 60, 60 + side)))
+    pairs = np.stack(np.triu_indices(8, k=1), axis=1)
+    within = (pairs < len(walls)).sum(axis=1) != 1
+    scene = Scene(surfaces, np.zeros(2), pairs, np.zeros(28), np.zeros((28, 1)), grid=grid)
+    edges = ScoredEdges(pairs, np.where(within, 2.0, against))
     assert len(cluster(edges, scene)) == count

@@ -41,6 +41,11 @@ def test_the_pages_python_code_runs(
     assert (tmp_path / "rooms.json").exists()
 
 
+def test_the_front_ends_code_runs() -> None:
+    for block in code_blocks(DOCS / "frontend.md", "python"):
+        exec(compile(block, "frontend.md", "exec"), {})
+
+
 def test_every_hook_is_documented_with_its_arguments() -> None:
     text = (DOCS / "concepts.md").read_text(encoding="utf-8")
     hooks = [f for f in vars(hookspecs).values() if hasattr(f, "sgraph_spec")]

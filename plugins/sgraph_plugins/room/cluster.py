@@ -6,11 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from sgraph_concepts.types import Cluster, IntArray, Scene, ScoredEdges, SurfaceArrays
+from sgraph_concepts.types import (
+    Cluster,
+    IntArray,
+    OccupancyGrid,
+    Scene,
+    ScoredEdges,
+    SurfaceArrays,
+)
 from sgraph_core.clustering.canonical import Relation, canonical_relation
 from sgraph_core.clustering.confidence import clusters_of
 from sgraph_core.clustering.multicut import multicut
 from sgraph_core.grid.passages import separated
+from sgraph_core.grid.regions import NOBODY, label_cells
 
 __all__ = ["cluster"]
 
@@ -25,6 +33,11 @@ NARROW_M = 1.5
 NARROW_LOGIT = -4.0
 """Where a grid is known: log-odds of surfaces that face spaces which only passages narrower than
 this join, as doors do. Both were chosen on the maps of docs/splits/grids-selection.txt."""
+THING_M2 = 2.0
+CLOSET_M2 = 0.5
+"""Where a grid is known: a cluster that covers less than the first may be a thing in a room, and
+joins the room that it most likely belongs to, as a smaller cluster does. If there is none, it stays
+a room from the second on. The first was chosen on the same maps."""
 IN_FRONT_M = 0.3
 """How far a room must reach in front of what joins it."""
 
@@ -40,15 +53,31 @@ def cluster(edges: ScoredEdges, scene: Scene) -> list[Cluster]:
     groups = multicut(len(relation.rows), relation.pairs, weights * relation.logits)
     large = [group for group in groups if len(group) >= FEWEST_MEMBERS]
     small = [group for group in groups if len(group) < FEWEST_MEMBERS]
-    joined = _absorb(large, small, relation, surfaces)
+    encloses = {group[0]: _encloses(surfaces, np.array(group)) for group in large}
+    covered: dict[int, float] = {}
+    if scene.grid is not None:
+        covered = _covered([g for g in large if encloses[g[0]]], surfaces, scene.grid)
+    things = [group for group in large if covered.get(group[0], THING_M2) < THING_M2]
+    large = [group for group in large if covered.get(group[0], THING_M2) >= THING_M2]
+    joined = _absorb(large, small + things, relation, surfaces)
+    taken = {row for group in joined for row in group}
     return clusters_of(
         relation,
         [
-            room
-            for core, room in zip(large, joined, strict=True)
-            if _encloses(surfaces, np.array(core))
+            *(room for core, room in zip(large, joined, strict=True) if encloses[core[0]]),
+            *(g for g in things if g[0] not in taken and covered[g[0]] >= CLOSET_M2),
         ],
     )
+
+
+def _covered(
+    groups: list[list[int]], surfaces: SurfaceArrays, grid: OccupancyGrid
+) -> dict[int, float]:
+    """Return the area that groups cover of a grid, in m2, by their first members."""
+    labels = label_cells([surfaces.take(np.array(group)) for group in groups], grid)
+    cells = np.bincount(labels[labels != NOBODY], minlength=len(groups))
+    areas = (cells * grid.resolution**2).tolist()
+    return {group[0]: area for group, area in zip(groups, areas, strict=True)}
 
 
 def _absorb(

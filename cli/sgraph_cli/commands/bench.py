@@ -1,0 +1,151 @@
+"""`sgraph bench`: what rooms and walls do for trajectory and map, and how long inference takes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from sgraph_cli.console import note, print_table, progress, warn_about_plugins
+
+if TYPE_CHECKING:
+    from sgraph_core.evaluation.slam.drives import Drive
+
+__all__ = ["app"]
+
+app = typer.Typer(help="Measure how good and how fast the method is.", no_args_is_help=True)
+
+
+@app.command("speed")
+def speed(
+    size: Annotated[
+        list[int] | None,
+        typer.Option(min=3, help="Wall surfaces of a map; 240, 1000, 4000 and 20000 if not given."),
+    ] = None,
+    repeats: Annotated[int, typer.Option(min=1, help="Runs of each stage; the median counts.")] = 5,
+    seed: Annotated[int, typer.Option(min=0, help="Of the synthetic maps.")] = 0,
+) -> None:
+    """Time the stages of inference on synthetic maps, on one thread."""
+    from rich import box
+    from rich.table import Table
+
+    from sgraph_core.detector import Detector
+    from sgraph_core.evaluation.speed import SIZES, growth, time_stages
+
+    detector = Detector()
+    warn_about_plugins(list(detector.registry.problems))
+    sizes = size or list(SIZES)
+    times = []
+    with progress() as report:
+        for done, stage_times in enumerate(time_stages(detector, sizes, repeats, seed), start=1):
+            times.append(stage_times)
+            report("timing", done, len(sizes))
+    table = Table(box=box.MARKDOWN)
+    for column in (
+        "surfaces", "preprocessing [ms]", "features [ms]", "forward pass [ms]",
+        "features / forward pass", "whole inference [ms]",
+    ):  # fmt: skip
+        table.add_column(column, justify="right")
+    for t in times:
+        stages = (t.preprocessing, t.features, t.forward)
+        table.add_row(
+            str(t.surfaces),
+            *(f"{1e3 * seconds:.1f}" for seconds in stages),
+            f"{t.features / t.forward:.1f}",
+            f"{1e3 * t.total:.1f}",
+        )
+    print_table(table)
+    if len(set(sizes)) > 1:
+        typer.echo(f"whole inference grows with surfaces to the power of {growth(times):.2f}")
+
+
+Seeds = Annotated[int, typer.Option(min=1, help="Drives per scene or log, with seeds from 0.")]
+Json = Annotated[
+    Path | None, typer.Option("--json", metavar="OUT", help="Also write all results as JSON.")
+]
+Output = Annotated[
+    Path,
+    typer.Option("-o", "--output", help="Folder for single results; it may hold some already."),
+]
+PaperWeights = Annotated[
+    Path | None,
+    typer.Option(
+        help="Folder of `sgraph train --config paper`; without it the paper's variants take the "
+        "shipped detector's rooms and walls."
+    ),
+]
+OUTPUT = Path("sgraph-bench")
+
+
+@app.command("paper")
+def paper(
+    seeds: Seeds = 20,
+    scene: Annotated[
+        list[str] | None, typer.Option(help="Only this scene; may be repeated.")
+    ] = None,
+    json_: Json = None,
+    output: Output = OUTPUT,
+    paper_weights: PaperWeights = None,
+) -> None:
+    """Compare methods on drives through the paper's scenes, and print its tables.
+
+    The same command goes on with an interrupted run.
+    """
+    from sgraph_core.evaluation.slam.drives import scene_drives
+
+    _compare(scene_drives(scene or ()), seeds, json_, output, paper_weights, paper=True)
+
+
+@app.command("lidar")
+def lidar(
+    logs: Annotated[
+        list[Path], typer.Argument(metavar="LOG...", help="Carmen logs, also compressed (.gz).")
+    ],
+    seeds: Seeds = 20,
+    json_: Json = None,
+    output: Output = OUTPUT,
+    paper_weights: PaperWeights = None,
+) -> None:
+    """Compare methods on logs of real robots, with drifting odometry drawn from each seed.
+
+    The same command goes on with an interrupted run.
+    """
+    from sgraph_core.evaluation.slam.drives import log_drives
+
+    _compare(log_drives(logs), seeds, json_, output, paper_weights, paper=False)
+
+
+def _compare(
+    drives: Sequence[Drive],
+    seeds: int,
+    json_: Path | None,
+    output: Path,
+    paper_weights: Path | None,
+    *,
+    paper: bool,
+) -> None:
+    from rich import box
+    from rich.table import Table
+
+    from sgraph_core.concepts import installed
+    from sgraph_core.evaluation.slam.results import Store
+    from sgraph_core.evaluation.slam.study import run_study, settings
+    from sgraph_core.evaluation.slam.tables import tables, write_json
+
+    warn_about_plugins(list(installed().problems))
+    store = Store(output, settings(paper_weights))
+    with progress() as report:
+        results = run_study(drives, seeds, store, report, paper_weights)
+    if json_ is not None:
+        write_json(results, json_)
+        note(f"wrote {len(results)} results to {json_}")
+    for content in tables(results, paper):
+        typer.echo(f"\n{content.title}\n")
+        table = Table(box=box.MARKDOWN)
+        for number, column in enumerate(content.columns):
+            table.add_column(column, justify="left" if number == 0 else "right")
+        for row in content.rows:
+            table.add_row(*row)
+        print_table(table)
