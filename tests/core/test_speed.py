@@ -7,12 +7,8 @@ from dataclasses import astuple
 import pytest
 
 from sgraph_core.detector import Detector
-<<<<<<< HEAD:tests/core/test_benchmark.py
-from sgraph_core.evaluation.benchmark import StageTimes, growth, time_stages
 from sgraph_core.evaluation.incremental import time_updates
-=======
 from sgraph_core.evaluation.speed import StageTimes, growth, time_stages
->>>>>>> main:tests/core/test_speed.py
 
 
 def test_every_stage_of_every_size_is_timed() -> None:
