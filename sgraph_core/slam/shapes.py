@@ -9,11 +9,12 @@ steps further; where a shape comes out otherwise, what is next to that one follo
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from sgraph_concepts.registry import RegisteredConcept
-from sgraph_concepts.types import FloatArray, IntArray, NodeShape
+from sgraph_concepts.types import FloatArray, IntArray, Memory, NodeShape
 from sgraph_core.detector import Detector, Inference
 from sgraph_core.slam.fragments import LiveFragments
 from sgraph_core.slam.pairs import LivePairs
@@ -49,6 +50,7 @@ class LiveShapes:
         self._place: dict[int, int] = {}
         self._rows: dict[int, IntArray] = {}
         self._shapes: dict[int, NodeShape] = {}
+        self._memory = Memory()
 
     def update(self, gone: Iterable[int], rows: Mapping[int, IntArray]) -> dict[int, NodeShape]:
         """Take in what became of nodes; return the shapes that were made again.
@@ -91,6 +93,7 @@ class LiveShapes:
             context = self._next_to(self._boxes(context))
         rows = self._fragments.in_order(np.unique(np.concatenate([self._rows[i] for i in context])))
         scene, _ = self._pairs.scene(rows)
+        scene = replace(scene, memory=self._memory)
         inference = Inference(self._detector, self._fragments.take(rows), scene)
         place = np.full(len(self._fragments.fragments), -1)
         place[rows] = np.arange(len(rows))

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from plans import add_outline, block, plan, rectangle, true_rooms, true_walls
 
+import sgraph_plugins.room.outline
 from sgraph_concepts.errors import InputError
 from sgraph_concepts.spec import ConceptSpec
-from sgraph_concepts.types import FloatArray
+from sgraph_concepts.types import FloatArray, SurfaceArrays
 from sgraph_core import load
 from sgraph_core.concepts import installed, new_registry
 from sgraph_core.detector import Detector
@@ -21,6 +22,7 @@ from sgraph_core.graph import Pins, SGraph
 from sgraph_core.slam import ConceptTracker, Update, Work
 from sgraph_core.synth.building import draw_building
 from sgraph_core.synth.config import BuildingConfig
+from sgraph_plugins.room.outline import outline
 
 
 def assert_as_inferred_at_once(tracker: ConceptTracker, detector: Detector) -> None:
@@ -265,6 +267,25 @@ def test_an_update_among_225_rooms_looks_at_a_neighbourhood(detector: Detector) 
     assert many.pairs <= 1.1 * some.pairs
     assert many.rows <= 1.3 * some.rows
     assert many.clustered <= 1.3 * some.clustered
+
+
+def test_outlines_of_rooms_that_stay_as_they_are_are_remembered(
+    detector: Detector, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    visits, outlined = drive_through(30), []
+    tracker = ConceptTracker(detector=detector)
+
+    def counted(surfaces: SurfaceArrays) -> object:
+        outlined.append(surfaces)
+        return outline(surfaces)
+
+    for k, visit in enumerate(visits):
+        visit.enter(tracker, visits[k - 1] if k else None)
+        if k == len(visits) - 1:
+            monkeypatch.setattr(sgraph_plugins.room.outline, "outline", counted)
+        if k >= len(visits) - 2:
+            tracker.placed(range(tracker.update().factors.size()))
+    assert 1 <= len(outlined) <= 3
 
 
 # -- what is refused -----------------------------------------------------------------------------
