@@ -66,14 +66,14 @@ def facing_pairs(surfaces: SurfaceArrays, count: int) -> IntArray:
         Row indices, first below second, [P, 2].
     """
     total = len(surfaces)
-    one, two, _ = facing_neighbours(surfaces, np.arange(total), count)
+    one, two, _, _ = facing_neighbours(surfaces, np.arange(total), count)
     keys = np.unique(np.minimum(one, two) * total + np.maximum(one, two))
     return np.stack(np.divmod(keys, total), axis=1)
 
 
 def facing_neighbours(
     surfaces: SurfaceArrays, rows: IntArray, count: int
-) -> tuple[IntArray, IntArray, FloatArray]:
+) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
     """Return whom some surfaces ask for: the nearest ``count`` that face them, and ties.
 
     Args:
@@ -82,8 +82,8 @@ def facing_neighbours(
         count: how many neighbours each asks for.
 
     Returns:
-        Who asks and for whom, [A] each, and how far each of ``rows`` had to look, [R]: what is
-        farther away makes no difference to it.
+        Who asks, for whom, and their distances, [A] each; and how far each of ``rows`` had to look,
+        [R]: what is farther away makes no difference to it.
     """
     lines = lines_of(surfaces.segments)
     bounds, outwards = shapely.bounds(lines), np.array([-1.0, -1.0, 1.0, 1.0])
@@ -91,7 +91,7 @@ def facing_neighbours(
     waits, radius = np.zeros(len(surfaces), bool), NEAREST_RADIUS_M
     waits[rows] = True
     none = np.empty(0, np.int64)
-    who, whom = [none], [none]
+    who, whom, apart = [none], [none], [np.empty(0)]
     looked = np.full(len(surfaces), FARTHEST_RADIUS_M)
     while waits.any():
         waiting = np.flatnonzero(waits)
@@ -114,13 +114,14 @@ def facing_neighbours(
         asking, other = asking[near], other[near]
         who.append(asking)
         whom.append(other)
+        apart.append(distances[near])
         farthest = np.zeros(len(surfaces))
         np.maximum.at(farthest, asking, distances[near])
         enough = waits & (found >= count)
         looked[enough] = farthest[enough]
         waits &= ~done
         radius *= 2
-    return np.concatenate(who), np.concatenate(whom), looked[rows]
+    return np.concatenate(who), np.concatenate(whom), np.concatenate(apart), looked[rows]
 
 
 def face_each_other(surfaces: SurfaceArrays, one: IntArray, two: IntArray) -> NDArray[np.bool_]:

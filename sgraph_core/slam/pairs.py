@@ -299,9 +299,8 @@ class LivePairs:
         for radius in RADII_M:  # most find enough nearby
             rows = self._fragments.meeting("box", self._fragments["box"][askers], radius)
             local = np.searchsorted(rows, askers)
-            surfaces = self.surfaces(rows)
-            who, whom, looked = facing_neighbours(surfaces, local, FACING)
-            distances = closest_distances(surfaces.segments, who, whom)
+            found = facing_neighbours(self.surfaces(rows), local, FACING)
+            who, whom, distances, looked = found
             settled = (looked < radius) | (radius == RADII_M[-1])
             asked |= {row: {} for row in askers[settled].tolist()}
             for row, other, distance in zip(
