@@ -93,6 +93,7 @@ class LiveNodes:
                 if not _as_sure(before.confidence, confidence):
                     changed.append(replace(before, confidence=confidence))
         came.sort(key=lambda node: node.members)
+        gone = _by_id(gone)
         inherited = persisting(came, gone, {})
         changed += [
             replace(before, members=came[k].members, confidence=came[k].confidence)

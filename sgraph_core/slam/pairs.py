@@ -275,20 +275,17 @@ class LivePairs:
 
     def _gains(self, added: IntArray) -> Iterator[tuple[int, int, float]]:
         """Yield who may ask for which new fragment, and its distance."""
-        box = self._fragments["box"]
+        box, reach = self._fragments["box"], self._fragments["reach"]
         near = np.setdiff1d(self._fragments.meeting("box", box[added], "reach"), added)
-        asker, other = (side.ravel() for side in np.meshgrid(near, added, indexing="ij"))
-        rows = np.concatenate([near, added])
-        order = np.argsort(rows)
-        local = self.surfaces(rows[order])
-        one, two = (np.searchsorted(rows[order], side) for side in (asker, other))
-        meets = face_each_other(local, one, two)
-        distances = closest_distances(local.segments, one[meets], two[meets])
-        asker, other = asker[meets], other[meets]
-        reach = self._fragments["reach"][asker]
-        wide = box[asker] + np.outer(reach, OUTWARDS)
-        inside = (wide[:, :2] <= box[other][:, 2:]) & (wide[:, 2:] >= box[other][:, :2])
-        counts = inside.all(axis=1) & ((distances <= reach) | (reach == FARTHEST_RADIUS_M))
+        wide = box[near] + reach[near, None] * OUTWARDS
+        tree = shapely.STRtree(np.asarray(shapely.box(*box[added].T)))
+        asker, other = tree.query(np.asarray(shapely.box(*wide.T)))
+        surfaces = self.surfaces(np.concatenate([near, added]))
+        one, two = asker, len(near) + other
+        meets = face_each_other(surfaces, one, two)
+        distances = closest_distances(surfaces.segments, one[meets], two[meets])
+        asker, other = near[asker[meets]], added[other[meets]]
+        counts = (distances <= reach[asker]) | (reach[asker] == FARTHEST_RADIUS_M)
         yield from zip(
             asker[counts].tolist(), other[counts].tolist(), distances[counts].tolist(), strict=True
         )
