@@ -260,9 +260,9 @@ def test_an_update_computes_as_much_in_220_rooms_as_in_20(detector: Detector) ->
     assert many.clustered <= 1.15 * few.clustered
 
 
-def test_an_update_among_225_rooms_looks_at_a_neighbourhood(detector: Detector) -> None:
+def test_an_update_among_169_rooms_looks_at_a_neighbourhood(detector: Detector) -> None:
     """In a block, neighbours lie on three sides: it takes more rooms until a map holds them all."""
-    some, many = (work_at_the_end(rooms, int(rooms**0.5), detector) for rooms in (100, 225))
+    some, many = (work_at_the_end(rooms, int(rooms**0.5), detector) for rooms in (81, 169))
     assert many.surfaces <= 1.1 * some.surfaces
     assert many.pairs <= 1.1 * some.pairs
     assert many.rows <= 1.3 * some.rows
