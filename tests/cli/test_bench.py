@@ -56,6 +56,7 @@ def test_the_papers_tables_are_printed_and_an_ended_run_is_not_repeated(
     assert {file: file.stat().st_mtime_ns for file in files} == files
     mixed = sgraph(*arguments, "--paper-weights", tmp_path)
     assert_one_line(mixed, "encoder.onnx: cannot be read")
+    assert_one_line(sgraph(*arguments, "--drift", 3), "kept: holds results of other settings")
 
 
 def test_logs_are_compared_without_truth(sgraph: Any, tmp_path: Path) -> None:
@@ -79,6 +80,7 @@ def assert_one_line(run: Any, text: str) -> None:
     ("arguments", "text"),
     [
         (["paper", "--scene", "C9"], "there is no scene 'C9': known are C1F1s"),
+        (["paper", "--range", "nan"], "range_m = nan: must be a positive number"),
         (["lidar", "absent.log"], "absent.log: cannot be read"),
         (["lidar", "README.md"], "is no Carmen log"),
     ],

@@ -11,7 +11,7 @@ import typer
 from sgraph_cli.console import note, print_table, progress, warn_about_plugins
 
 if TYPE_CHECKING:
-    from sgraph_core.evaluation.slam.drives import Drive
+    from sgraph_core.evaluation.slam.drives import Conditions, Drive
 
 __all__ = ["app"]
 
@@ -124,6 +124,9 @@ PaperWeights = Annotated[
         "shipped detector's rooms and walls."
     ),
 ]
+Drift = Annotated[
+    float, typer.Option(help="Of odometry's heading, in degrees per square root of a metre.")
+]
 OUTPUT = Path("sgraph-bench")
 
 
@@ -133,6 +136,11 @@ def paper(
     scene: Annotated[
         list[str] | None, typer.Option(help="Only this scene; may be repeated.")
     ] = None,
+    drift: Drift = 1.0,
+    range_: Annotated[
+        float, typer.Option("--range", metavar="M", help="Of the lidar, in metres.")
+    ] = 100.0,
+    keyframe: Annotated[float, typer.Option(help="Metres from one keyframe to the next.")] = 1.0,
     json_: Json = None,
     output: Output = OUTPUT,
     paper_weights: PaperWeights = None,
@@ -141,9 +149,11 @@ def paper(
 
     The same command goes on with an interrupted run.
     """
-    from sgraph_core.evaluation.slam.drives import scene_drives
+    from sgraph_core.evaluation.slam.drives import Conditions, scene_drives
 
-    _compare(scene_drives(scene or ()), seeds, json_, output, paper_weights, paper=True)
+    conditions = Conditions(drift, range_, keyframe)
+    drives = scene_drives(scene or (), conditions)
+    _compare(drives, conditions, seeds, json_, output, paper_weights, paper=True)
 
 
 @app.command("lidar")
@@ -152,6 +162,7 @@ def lidar(
         list[Path], typer.Argument(metavar="LOG...", help="Carmen logs, also compressed (.gz).")
     ],
     seeds: Seeds = 20,
+    drift: Drift = 1.0,
     json_: Json = None,
     output: Output = OUTPUT,
     paper_weights: PaperWeights = None,
@@ -160,13 +171,16 @@ def lidar(
 
     The same command goes on with an interrupted run.
     """
-    from sgraph_core.evaluation.slam.drives import log_drives
+    from sgraph_core.evaluation.slam.drives import Conditions, log_drives
 
-    _compare(log_drives(logs), seeds, json_, output, paper_weights, paper=False)
+    conditions = Conditions(drift)
+    drives = log_drives(logs, conditions)
+    _compare(drives, conditions, seeds, json_, output, paper_weights, paper=False)
 
 
 def _compare(
     drives: Sequence[Drive],
+    conditions: Conditions,
     seeds: int,
     json_: Path | None,
     output: Path,
@@ -183,11 +197,11 @@ def _compare(
     from sgraph_core.evaluation.slam.tables import tables, write_json
 
     warn_about_plugins(list(installed().problems))
-    store = Store(output, settings(paper_weights))
+    store = Store(output, settings(conditions, paper_weights))
     with progress() as report:
         results = run_study(drives, seeds, store, report, paper_weights)
     if json_ is not None:
-        write_json(results, json_)
+        write_json(results, store.settings, json_)
         note(f"wrote {len(results)} results to {json_}")
     for content in tables(results, paper):
         typer.echo(f"\n{content.title}\n")

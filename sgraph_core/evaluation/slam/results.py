@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import re
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -48,25 +51,26 @@ class Store:
 
     Args:
         folder: is made if it is not there.
-        settings: what the results depend on besides drive, seed and variant, as text.
+        settings: what the results depend on besides drive, seed and variant, JSON values.
 
     Raises:
         InputError: the folder holds results of other settings.
     """
 
-    def __init__(self, folder: Path, settings: str) -> None:
+    def __init__(self, folder: Path, settings: Mapping[str, Any]) -> None:
         self._folder = folder
-        self._claim(settings)
+        self.settings = settings
+        self._claim(json.dumps(settings, indent=1) + "\n")
 
-    def _claim(self, settings: str) -> None:
+    def _claim(self, text: str) -> None:
         file = self._folder / "settings.json"
         self._folder.mkdir(parents=True, exist_ok=True)
         if not file.exists():
-            write_whole(file, lambda temporary: temporary.write_text(settings))
-        elif file.read_text() != settings:
+            write_whole(file, lambda temporary: temporary.write_text(text))
+        elif file.read_text() != text:
             raise InputError(
                 f"{self._folder}: holds results of other settings or another version of the code: "
-                "remove it or name another folder"
+                "remove it, or name another folder"
             )
 
     def get(self, drive: str, seed: int, variant: str) -> Result | None:

@@ -5,18 +5,19 @@ from __future__ import annotations
 import hashlib
 import importlib
 import importlib.metadata
-import json
 import multiprocessing
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from sgraph_concepts.errors import InputError, OptimizationError
 from sgraph_core.concepts import installed
 from sgraph_core.evaluation.scores import score_floor
-from sgraph_core.evaluation.slam.drives import Drive
+from sgraph_core.evaluation.slam.drives import Conditions, Drive
 from sgraph_core.evaluation.slam.growth import watch
 from sgraph_core.evaluation.slam.metrics import align, map_rmse, require_evo
 from sgraph_core.evaluation.slam.results import Result, Store
@@ -47,7 +48,7 @@ def run_study(
         drives: scenes or logs.
         seeds: how many; they count from 0.
         store: keeps the results.
-        progress: told after every result.
+        progress: told at the start and after every drive.
         paper_weights: folder of a training with the paper's configuration.
 
     Raises:
@@ -72,6 +73,7 @@ def run_study(
             todo.append((drive, seed, missing))
     total = sum(len(names) for *_, names in wanted)
     done = total - sum(len(names) for *_, names in todo)
+    progress("driving", done, total)
     for drive, results in _in_parallel(todo, paper_weights):
         for result in results:
             store.put(drive.key, result)
@@ -81,17 +83,17 @@ def run_study(
     return [result for result in found if result is not None]
 
 
-def settings(paper_weights: Path | None = None) -> str:
-    """Return as JSON what results depend on besides drive, seed and method."""
+def settings(conditions: Conditions, paper_weights: Path | None = None) -> dict[str, Any]:
+    """Return what results depend on besides drive, seed and method."""
     plugins = {concept.package.partition(".")[0] for concept in installed() if concept.package}
     packages = sorted({"sgraph_core", *plugins})
     weights = [] if paper_weights is None else sorted(paper_weights.glob("*.onnx"))
-    record = {
+    return {
         "version": importlib.metadata.version("sgraph-concepts"),
         "code": _digest(file for name in packages for file in _parts(name)),
         "paper_weights": _digest(weights) if weights else None,
+        "conditions": asdict(conditions),
     }
-    return json.dumps(record, indent=1) + "\n"
 
 
 def _parts(package: str) -> list[Path]:

@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -98,13 +99,14 @@ def paired(results: Sequence[Result]) -> dict[tuple[str, str], Paired]:
     return comparisons
 
 
-def write_json(results: Sequence[Result], path: Path) -> None:
-    """Write all results, how they compare with planes only, and the paper's own figures."""
+def write_json(results: Sequence[Result], settings: Mapping[str, Any], path: Path) -> None:
+    """Write settings, all results, how they compare with planes only, and the paper's figures."""
     comparisons = [
         {"drive": drive, "variant": variant, **asdict(comparison)}
         for (drive, variant), comparison in paired(results).items()
     ]
     record = {
+        "settings": settings,
         "results": [result.model_dump() for result in results],
         "ate_to_planes_only": comparisons,
         "the_papers_own": PAPER,
@@ -114,8 +116,9 @@ def write_json(results: Sequence[Result], path: Path) -> None:
 
 
 def _table(results: Sequence[Result], quantity: _Quantity, paper: bool) -> Table:
-    known = [r for r in results if getattr(r, quantity.key) is not None]
-    variants = [name for name in VARIANTS if any(r.variant == name for r in known)]
+    own = PAPER.get(quantity.key, {}) if paper else {}
+    known = {r.variant for r in results if getattr(r, quantity.key) is not None}
+    variants = [name for name in VARIANTS if name in known or (known and name in own)]
     drives = list(dict.fromkeys(r.drive for r in results))
 
     def cells(cell: Callable[[list[Result]], str], drive: str | None = None) -> tuple[str, ...]:
@@ -125,11 +128,10 @@ def _table(results: Sequence[Result], quantity: _Quantity, paper: bool) -> Table
     rows = [(drive, *cells(lambda rs: _cell(rs, quantity), drive)) for drive in drives]
     if len(drives) > 1:
         rows.append(("mean", *cells(lambda rs: _mean_cell(rs, quantity))))
-    own = PAPER.get(quantity.key, {})
-    if paper and any(name in own for name in variants):
+    if known and own:
         rows.append(("the paper's own", *(own.get(name, "") for name in variants)))
     title = f"{quantity.place}: {quantity.title}" if paper else quantity.title
-    return Table(title, ("drive", *variants) if variants else ("drive",), tuple(rows))
+    return Table(title, ("drive", *variants), tuple(rows))
 
 
 def _cell(results: Sequence[Result], quantity: _Quantity) -> str:
