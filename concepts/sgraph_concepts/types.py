@@ -82,6 +82,10 @@ class SurfaceArrays:
         return SurfaceArrays(self.ids[rows], self.segments[rows], self.normals[rows])
 
 
+def _no_surfaces() -> SurfaceArrays:
+    return SurfaceArrays(np.empty(0, np.int64), np.empty((0, 2, 2)), np.empty((0, 2)))
+
+
 @dataclass(frozen=True, eq=False)
 class OccupancyGrid:
     """What a robot knows of a floor, cell by cell.
@@ -256,6 +260,7 @@ class FactorContext:
         segments: endpoints of the same surfaces, [2, 2] each.
         nodes: all nodes of the concept.
         new_key: key of the node's own variable of the given number, counted from 0.
+        surfaces: all surfaces of the map that some keyframe observed, members or not.
     """
 
     plane_keys: Mapping[int, int]
@@ -263,6 +268,7 @@ class FactorContext:
     segments: Mapping[int, FloatArray]
     nodes: Sequence[ConceptNode]
     new_key: Callable[[int], int]
+    surfaces: SurfaceArrays = field(default_factory=_no_surfaces)
 
 
 @dataclass(frozen=True)
@@ -272,10 +278,14 @@ class FactorResult:
     Attributes:
         factors: gtsam factors.
         values: initial values of the node's own variables: (key, gtsam value).
+        same: pairs of observed surfaces, by id, that the node takes for one surface mapped twice.
+            The back end ties them only where the map's own uncertainty allows it and where they
+            agree with one another.
     """
 
     factors: Sequence[Any] = ()
     values: Sequence[tuple[int, Any]] = ()
+    same: Sequence[tuple[int, int]] = ()
 
 
 @dataclass(frozen=True, eq=False)

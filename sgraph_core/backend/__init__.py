@@ -5,16 +5,24 @@ hands the concepts' factors out, for a graph and keys of one's own. The frames a
 keyframe variables are world_T_body, planes are in the world with the normal towards the observer.
 """
 
-from sgraph_core.backend.concept_factors import ConceptFactors, concept_factors
+from sgraph_core.backend.association import Association, Proposal, Same, associate
+from sgraph_core.backend.concept_factors import ConceptFactors, FactorGroup, concept_factors
 from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.low_layers import LowLayers, low_layers
 from sgraph_core.backend.optimize import Optimization, optimize
+from sgraph_core.backend.robust import Refusal
 
 __all__ = [
+    "Association",
     "ConceptFactors",
+    "FactorGroup",
     "Keys",
     "LowLayers",
     "Optimization",
+    "Proposal",
+    "Refusal",
+    "Same",
+    "associate",
     "concept_factors",
     "low_layers",
     "optimize",

@@ -2,25 +2,55 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 import gtsam
+import numpy as np
 
 from sgraph_concepts.errors import ConceptError
 from sgraph_concepts.registry import Registry
 from sgraph_concepts.spec import WALL_SURFACE
 from sgraph_concepts.types import ConceptNode, FactorContext, FactorResult
+from sgraph_core.backend.association import TIE_SIGMAS, Proposal, Same, associate
+from sgraph_core.backend.checks import check_factors
+from sgraph_core.backend.coincidence import coincidence
 from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.low_layers import world_planes
+from sgraph_core.backend.ties import TieNoise, tie_planes
 from sgraph_core.concepts import installed
 from sgraph_core.graph import SGraph
 
-__all__ = ["NO_FACTOR", "ConceptFactors", "concept_factors", "made_by"]
+__all__ = [
+    "NO_FACTOR",
+    "ConceptFactors",
+    "FactorGroup",
+    "concept_factors",
+    "made_by",
+    "propose",
+    "tie",
+    "with_ties",
+]
 
 NO_FACTOR = "none"
 """Named instead of a factor type, it leaves a concept's factors out."""
+
+
+@dataclass(frozen=True)
+class FactorGroup:
+    """Factors that stand or fall together: a node's own, or a tie of two surfaces it shows.
+
+    Attributes:
+        concept, node: whose they are.
+        surfaces: ids of the two surfaces of a tie; empty for the node's own factors.
+        indices: into the graph of :class:`ConceptFactors`.
+    """
+
+    concept: str
+    node: int
+    surfaces: tuple[int, ...]
+    indices: tuple[int, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,12 +60,22 @@ class ConceptFactors:
     Attributes:
         graph: all factors.
         values: initial values of the nodes' own variables.
-        of_node: indices into ``graph`` of each node's factors, by concept and node id.
+        groups: which factors stand or fall together.
+        proposals: pairs of surfaces that the nodes take for one, tied or not.
     """
 
     graph: gtsam.NonlinearFactorGraph
     values: gtsam.Values
-    of_node: Mapping[tuple[str, int], list[int]]
+    groups: Sequence[FactorGroup]
+    proposals: Sequence[Proposal] = ()
+
+    @property
+    def of_node(self) -> Mapping[tuple[str, int], list[int]]:
+        """Indices into ``graph`` of each node's factors, by concept and node id."""
+        indices: dict[tuple[str, int], list[int]] = {}
+        for group in self.groups:
+            indices.setdefault((group.concept, group.node), []).extend(group.indices)
+        return indices
 
 
 def concept_factors(
@@ -43,6 +83,7 @@ def concept_factors(
     keys: Keys | None = None,
     factor_types: Mapping[str, str] | None = None,
     registry: Registry | None = None,
+    same: Sequence[Same] | None = None,
 ) -> ConceptFactors:
     """Return the factors of all nodes of an S-Graph.
 
@@ -51,54 +92,131 @@ def concept_factors(
 
     Args:
         graph: the S-Graph with its nodes.
-        keys: the keys of keyframes, surfaces and nodes.
+        keys: the keys of keyframes, surfaces, nodes and ties.
         factor_types: by concept, another factor type than the declared one: ``none``, a built-in
             such as ``published``, or ``package.module:function``.
         registry: the concepts; the installed ones by default.
+        same: the pairs of surfaces to tie, or None to find them: of those that the nodes propose,
+            the ones that :func:`sgraph_core.backend.association.associate` accepts. For that the
+            low layers of the S-Graph should be solved.
 
     Raises:
-        ConceptError: a factor type is unknown, or a plugin's factor function fails.
+        ConceptError: a factor type is unknown, a plugin's factor function fails, or its factors
+            are not fit for a graph: an error or derivative that is not finite, a Jacobian of the
+            wrong width, a variable that another node has.
     """
     keys, registry = keys or Keys(), registry if registry is not None else installed()
-    chosen = dict(factor_types or {})
-    for name in chosen:
-        registry[name]  # raises if there is none
-    factors, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-    of_node: dict[tuple[str, int], list[int]] = {}
-    for node, name, result in _results(graph, keys, chosen, registry):
-        first = factors.size()
+    collected = _Collected(gtsam.NonlinearFactorGraph(), gtsam.Values(), [], [])
+    planes = _plane_values(graph, keys)
+    for name, node, result in _results(graph, keys, factor_types or {}, registry):
+        check_factors(f"factor of {name} {node.id}", result, planes, collected.values)
+        collected.add(name, node.id, (), result)
+        collected.proposals.append(Proposal(name, node.id, result.same))
+    for pair in associate(graph, collected.proposals).same if same is None else same:
+        collected.add(pair.concept, pair.node, pair.pair, tie(pair, graph, keys))
+    return collected.done()
+
+
+def with_ties(
+    concepts: ConceptFactors, same: Sequence[Same], graph: SGraph, keys: Keys
+) -> ConceptFactors:
+    """Return factors with further pairs of surfaces tied."""
+    collected = _Collected(
+        gtsam.NonlinearFactorGraph(concepts.graph),
+        gtsam.Values(concepts.values),
+        list(concepts.groups),
+        list(concepts.proposals),
+    )
+    for pair in same:
+        collected.add(pair.concept, pair.node, pair.pair, tie(pair, graph, keys))
+    return collected.done()
+
+
+def propose(
+    graph: SGraph, factor_types: Mapping[str, str] | None, registry: Registry | None
+) -> list[Proposal]:
+    """Return the pairs of surfaces that the nodes of an S-Graph take for one."""
+    registry = registry if registry is not None else installed()
+    return [
+        Proposal(name, node.id, result.same)
+        for name, node, result in _results(graph, Keys(), factor_types or {}, registry)
+    ]
+
+
+@dataclass(eq=False)
+class _Collected:
+    graph: gtsam.NonlinearFactorGraph
+    values: gtsam.Values
+    groups: list[FactorGroup]
+    proposals: list[Proposal]
+
+    def add(self, concept: str, node: int, surfaces: tuple[int, ...], result: FactorResult) -> None:
+        first = self.graph.size()
         for factor in result.factors:
-            factors.add(factor)
+            self.graph.add(factor)
         for key, value in result.values:
-            values.insert(key, value)
+            self.values.insert(key, value)
         if result.factors:
-            of_node[name, node.id] = list(range(first, factors.size()))
-    return ConceptFactors(factors, values, of_node)
+            indices = tuple(range(first, self.graph.size()))
+            self.groups.append(FactorGroup(concept, node, surfaces, indices))
+
+    def done(self) -> ConceptFactors:
+        return ConceptFactors(self.graph, self.values, self.groups, self.proposals)
+
+
+def tie(same: Same, graph: SGraph, keys: Keys) -> FactorResult:
+    """Return what ties two surfaces of an S-Graph that are one."""
+    surfaces = graph.wall_surfaces.ordered()
+    one, two = (np.array([graph.surface_row(i)]) for i in same.pair)
+    lie = coincidence(surfaces, one, two)
+    normal = surfaces.normals[one[0]]
+    return tie_planes(
+        (keys.surface(same.pair[0]), keys.surface(same.pair[1])),
+        keys.tie(*same.pair),
+        lie.points[0] + lie.gaps[0] / 2 * normal,
+        normal,
+        None,
+        TieNoise(*TIE_SIGMAS),
+    )
+
+
+def _plane_values(graph: SGraph, keys: Keys) -> gtsam.Values:
+    values, planes = gtsam.Values(), world_planes(graph)
+    for surface in sorted(set(graph.observations.surface_ids.tolist())):
+        values.insert(
+            keys.surface(surface), gtsam.OrientedPlane3(*planes[graph.surface_row(surface)])
+        )
+    return values
 
 
 def _results(
-    graph: SGraph, keys: Keys, chosen: Mapping[str, str], registry: Registry
-) -> Iterator[tuple[ConceptNode, str, FactorResult]]:
+    graph: SGraph, keys: Keys, factor_types: Mapping[str, str], registry: Registry
+) -> Iterator[tuple[str, ConceptNode, FactorResult]]:
+    for name in factor_types:
+        registry[name]  # raises if there is none
     planes, segments = world_planes(graph), graph.wall_surfaces.segments
-    observed = {i: graph.surface_row(i) for i in graph.observations.surface_ids.tolist()}
-    plane_keys = {i: keys.surface(i) for i in observed}
+    observed = {
+        i: graph.surface_row(i) for i in sorted(set(graph.observations.surface_ids.tolist()))
+    }
+    surfaces = graph.wall_surfaces.ordered().take(np.array(list(observed.values()), np.int64))
     for concept in registry:
         name, spec = concept.spec.name, concept.spec
         nodes = graph.concepts.get(name, [])
-        reference = chosen.get(name, spec.factor)
+        reference = factor_types.get(name, spec.factor)
         if reference in (None, NO_FACTOR) or spec.groups != WALL_SURFACE or not nodes:
             continue
         make = registry.part(name, "factor", reference)
         for node in nodes:
             members = [member for member in node.members if member in observed]
             context = FactorContext(
-                {i: plane_keys[i] for i in members},
+                {i: keys.surface(i) for i in members},
                 {i: planes[observed[i]] for i in members},
                 {i: segments[observed[i]] for i in members},
                 nodes,
                 partial(keys.node, name, node.id),
+                surfaces,
             )
-            yield node, name, made_by(make, name, node, context)
+            yield name, node, made_by(make, name, node, context)
 
 
 def made_by(

@@ -21,7 +21,7 @@ def _surface(surface_id: int) -> int:
     return int(gtsam.symbol("s", surface_id))
 
 
-ID_BITS, VARIABLE_BITS = 32, 8
+ID_BITS, VARIABLE_BITS, TIED_BITS = 32, 8, 28
 
 
 def _node(concept: str, node_id: int, variable: int) -> int:
@@ -34,6 +34,14 @@ def _node(concept: str, node_id: int, variable: int) -> int:
     return int(gtsam.symbol("c", (number << ID_BITS | node_id) << VARIABLE_BITS | variable))
 
 
+def _tie(one: int, two: int) -> int:
+    """Pack two surface ids into a symbol's 56 bits."""
+    low, high = min(one, two), max(one, two)
+    if high >= 1 << TIED_BITS:
+        raise InputError(f"wall surface {high}: the default keys of ties hold ids below 2^28")
+    return int(gtsam.symbol("t", low << TIED_BITS | high))
+
+
 @dataclass(frozen=True)
 class Keys:
     """The keys of the variables; give your own functions to fit a graph of your own.
@@ -43,8 +51,11 @@ class Keys:
         surface: key of a wall surface's OrientedPlane3 by its id; ``s`` symbols by default.
         node: key of a node's variable by concept, node id and the variable's number; ``c`` symbols
             by default.
+        tie: key of the anchor between two surfaces, by their ids, that are one surface mapped
+            twice; ``t`` symbols by default.
     """
 
     keyframe: Callable[[int], int] = _keyframe
     surface: Callable[[int], int] = _surface
     node: Callable[[str, int, int], int] = _node
+    tie: Callable[[int, int], int] = _tie

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import gtsam
 import networkx as nx
@@ -11,6 +13,7 @@ import numpy as np
 from sgraph_concepts.errors import OptimizationError
 from sgraph_concepts.types import FloatArray
 from sgraph_core.backend.keys import Keys
+from sgraph_core.backend.visits import Visits
 from sgraph_core.graph import SGraph
 from sgraph_core.tables import Keyframes, Observations, Odometry
 
@@ -37,16 +40,33 @@ class LowLayers:
     Attributes:
         graph: a prior on the first keyframe, odometry, observations.
         values: the S-Graph's poses and planes.
-        surfaces: ids of the surfaces that have a plane variable: the observed ones.
+        observers: rows of the keyframes that observed each surface, by the id of every surface that
+            has a plane variable.
     """
 
     graph: gtsam.NonlinearFactorGraph
     values: gtsam.Values
-    surfaces: list[int]
+    observers: Mapping[int, Sequence[int]]
+
+    @property
+    def surfaces(self) -> list[int]:
+        """Ids of the surfaces that have a plane variable: the observed ones."""
+        return list(self.observers)
 
 
-def low_layers(graph: SGraph, keys: Keys | None = None) -> LowLayers:
+def low_layers(
+    graph: SGraph,
+    keys: Keys | None = None,
+    doubted: Mapping[tuple[int, int], int] = MappingProxyType({}),
+) -> LowLayers:
     """Return the low layers of an S-Graph as a factor graph.
+
+    Args:
+        graph: the S-Graph.
+        keys: the keys of keyframes and surfaces.
+        doubted: later visits, by surface id and row of the first keyframe, that may have seen
+            another surface: their observations get a plane of their own, under the key of the new
+            surface id that is given for each.
 
     Raises:
         OptimizationError: there are no keyframes or observations, or odometry does not connect
@@ -56,16 +76,36 @@ def low_layers(graph: SGraph, keys: Keys | None = None) -> LowLayers:
     _require_connected(graph)
     factors, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
     add_poses(graph.keyframes, keys, values)
-    first = graph.keyframes.ids[0], graph.keyframes.poses[0]
-    factors.add(hold(int(first[0]), first[1], keys))
+    factors.add(hold(int(graph.keyframes.ids[0]), graph.keyframes.poses[0], keys))
     add_odometry(graph.odometry, keys, factors)
-    surfaces = sorted(set(graph.observations.surface_ids.tolist()))
+    seen = _seen(graph, doubted)
     planes = world_planes(graph)
-    for surface in surfaces:
-        plane = planes[graph.surface_row(surface)]
+    for surface, of in sorted({(i, of) for i, of, _ in seen}):
+        plane = planes[graph.surface_row(of)]
         values.insert(keys.surface(surface), gtsam.OrientedPlane3(*plane))
-    add_observations(graph.observations, keys, factors)
-    return LowLayers(factors, values, surfaces)
+    renamed = np.array([surface for surface, _, _ in seen], np.int64)
+    add_observations(replace(graph.observations, surface_ids=renamed), keys, factors)
+    observers: dict[int, list[int]] = {}
+    for surface, _, row in sorted(seen):
+        observers.setdefault(surface, []).append(row)
+    return LowLayers(factors, values, observers)
+
+
+def _seen(graph: SGraph, doubted: Mapping[tuple[int, int], int]) -> list[tuple[int, int, int]]:
+    """Return of each observation the plane's surface id, the id it came with, and its keyframe."""
+    table = graph.observations
+    ids = table.surface_ids.tolist()
+    rows = [graph.keyframe_row(i) for i in table.keyframe_ids.tolist()]
+    if not doubted:
+        return [(surface, surface, row) for surface, row in zip(ids, rows, strict=True)]
+    visits, other = Visits(graph), {}
+    for (surface, start), new in doubted.items():
+        first, last = next(visit for visit in visits.visits(surface) if visit[0] == start)
+        other.update({(surface, row): new for row in range(first, last + 1)})
+    return [
+        (other.get((surface, row), surface), surface, row)
+        for surface, row in zip(ids, rows, strict=True)
+    ]
 
 
 def _require_connected(graph: SGraph) -> None:

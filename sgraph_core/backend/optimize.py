@@ -1,28 +1,27 @@
-"""Solve the factor graph of an S-Graph, and bring poses and surfaces up to date."""
+"""Solve the factor graph of an S-Graph, and bring poses, surfaces and nodes up to date."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import gtsam
 import numpy as np
-from scipy.special import chdtri
 
-from sgraph_concepts.errors import OptimizationError
 from sgraph_concepts.registry import Registry
-from sgraph_concepts.types import FloatArray
-from sgraph_core.backend.concept_factors import ConceptFactors, concept_factors
+from sgraph_core.backend.association import Association, associate
+from sgraph_core.backend.back_projection import moved
+from sgraph_core.backend.concept_factors import concept_factors, propose, with_ties
 from sgraph_core.backend.keys import Keys
-from sgraph_core.backend.low_layers import LowLayers, low_layers, pose3
+from sgraph_core.backend.low_layers import low_layers
+from sgraph_core.backend.robust import Refusal, solve, solve_robustly
 from sgraph_core.graph import SGraph
 
 __all__ = ["Optimization", "optimize"]
 
-REJECTION = 1e-3
-"""Probability with which a correct node's factors are switched off."""
-MOST_ROUNDS = 5
+MOST_ROUNDS = 4
+AGREE_RAD, AGREE_M = 0.1, 0.2
+"""A visit that sees a plane closer to the surface's than this saw the surface."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,11 +29,15 @@ class Optimization:
     """A solved S-Graph.
 
     Attributes:
-        graph: the S-Graph with keyframes and surfaces moved.
+        graph: the S-Graph with keyframes, surfaces and shapes of nodes moved.
         values: gtsam's solution.
-        initial_error, final_error: of the whole graph: half the sum of squared whitened residuals.
+        initial_error, final_error: half the sum of squared whitened residuals: of the low layers
+            before, of the whole graph afterwards.
         factors: number of factors in the last round.
-        switched_off: concept and id of the nodes whose factors contradict the rest of the graph.
+        iterations: of Levenberg-Marquardt, of all rounds.
+        association: which surfaces were found to be one, and which not; ties that were switched off
+            later included.
+        refusals: which nodes and ties were switched off, and why.
     """
 
     graph: SGraph
@@ -42,7 +45,14 @@ class Optimization:
     initial_error: float
     final_error: float
     factors: int
-    switched_off: list[tuple[str, int]]
+    iterations: int
+    association: Association
+    refusals: Sequence[Refusal]
+
+    @property
+    def switched_off(self) -> list[tuple[str, int]]:
+        """Concept and id of the nodes of which factors were switched off."""
+        return sorted({(refusal.concept, refusal.node) for refusal in self.refusals})
 
 
 def optimize(
@@ -52,8 +62,11 @@ def optimize(
 ) -> Optimization:
     """Solve the factor graph of an S-Graph and its concepts by Levenberg-Marquardt.
 
-    A node whose factors fit badly (chi-squared test at 0.1 %) is switched off and the graph
-    solved again, until all that remain fit: a wrong detection must not bend the map.
+    The low layers are solved alone first: what concepts are made of is judged on a map that its
+    own observations have straightened. Then, round by round, surfaces that are one are tied, the
+    graph is solved, and factors that fit badly (chi-squared test at 0.1 %) are switched off: a
+    wrong detection must not bend the map. A tie makes the map surer of itself, so that the next
+    round may see others; the rounds end when there are none.
 
     Args:
         graph: the S-Graph; it is not changed.
@@ -64,117 +77,67 @@ def optimize(
     Raises:
         OptimizationError: there is nothing to optimise, odometry does not connect all keyframes,
             or the problem is under-determined.
-        ConceptError: a factor type is unknown, or a plugin's factor function fails.
+        ConceptError: a factor type is unknown, or a plugin's factors are not fit for a graph.
     """
     keys = Keys()
     low = low_layers(graph, keys)
-    concepts = concept_factors(graph, keys, factor_types, registry)
-    switched_off: list[tuple[str, int]] = []
-    initial: float | None = None
+    initial = low.graph.error(low.values)
+    values, iterations = solve(low.graph, low.values)
+    current = moved(graph, low, values, keys)
+    concepts = concept_factors(current, keys, factor_types, registry, same=())
+    found = Association()
+    refusals: Sequence[Refusal] = ()
+    proposals = concepts.proposals
     for _ in range(MOST_ROUNDS):
-        factors, start = _assemble(low, concepts, switched_off)
-        initial = factors.error(start) if initial is None else initial
-        values = _solve(factors, start)
-        misfits = _misfits(concepts, values, switched_off)
-        if not misfits:
+        new = associate(current, proposals, found)
+        if found.same and not new.same:
             break
-        switched_off += misfits
+        found = found.with_(new)
+        concepts = with_ties(concepts, new.same, current, keys)
+        doubted = _visit_ids(graph, found.doubted)
+        low = low_layers(graph, keys, doubted)
+        solution = solve_robustly(low, concepts, values, keys, refusals)
+        if doubted:
+            iterations += solution.iterations
+            doubted = _still_doubted(graph, doubted, solution.values, keys)
+            low = low_layers(graph, keys, doubted)
+            solution = solve_robustly(low, concepts, solution.values, keys, solution.refusals)
+        values, refusals = solution.values, solution.refusals
+        iterations += solution.iterations
+        current = moved(graph, low, values, keys)
+        if not new.same:
+            break
+        proposals = propose(current, factor_types, registry)
     return Optimization(
-        _moved(graph, low, values, keys),
+        current,
         values,
-        initial or 0.0,
-        factors.error(values),
-        factors.size(),
-        sorted(switched_off),
+        initial,
+        solution.factors.error(values),
+        solution.factors.size(),
+        iterations,
+        found,
+        refusals,
     )
 
 
-def _assemble(
-    low: LowLayers, concepts: ConceptFactors, switched_off: list[tuple[str, int]]
-) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
-    factors = gtsam.NonlinearFactorGraph()
-    factors.push_back(low.graph)
-    for node, indices in concepts.of_node.items():
-        if node not in switched_off:
-            for index in indices:
-                factors.add(concepts.graph.at(index))
-    values = gtsam.Values(low.values)
-    values.insert(concepts.values)
-    present = set(factors.keyVector())
-    for key in values.keys():  # noqa: SIM118  (gtsam's Values is no mapping)
-        if key not in present:
-            values.erase(key)  # a variable of a node that is switched off
-    return factors, values
+def _visit_ids(graph: SGraph, doubted: Sequence[tuple[int, int]]) -> dict[tuple[int, int], int]:
+    """Return surface ids for doubted visits, above all others and in the given order."""
+    above = int(graph.wall_surfaces.ids.max()) + 1
+    return {visit: above + number for number, visit in enumerate(doubted)}
 
 
-def _solve(factors: gtsam.NonlinearFactorGraph, start: gtsam.Values) -> gtsam.Values:
-    try:
-        return gtsam.LevenbergMarquardtOptimizer(factors, start).optimize()
-    except RuntimeError as error:
-        reason = " ".join(str(error).split())
-        raise OptimizationError(f"the factor graph cannot be solved: {reason}") from error
-
-
-def _misfits(
-    concepts: ConceptFactors, values: gtsam.Values, switched_off: list[tuple[str, int]]
-) -> list[tuple[str, int]]:
-    """Return the nodes whose factors fail the chi-squared test."""
-    misfits = []
-    own = set(concepts.values.keys())
-    for node, indices in concepts.of_node.items():
-        if node in switched_off:
-            continue
-        factors = [concepts.graph.at(index) for index in indices]
-        variables = {key for factor in factors for key in factor.keys()} & own  # noqa: SIM118
-        freedom = sum(factor.dim() for factor in factors)
-        freedom -= sum(concepts.values.zeroVectors().at(key).size for key in variables)
-        squares = 2 * sum(factor.error(values) for factor in factors)
-        if freedom > 0 and squares > chdtri(freedom, REJECTION):
-            misfits.append(node)
-    return misfits
-
-
-def _moved(graph: SGraph, low: LowLayers, values: gtsam.Values, keys: Keys) -> SGraph:
-    """Return the S-Graph with the solution's poses, and its surfaces on the solution's planes.
-
-    A surface is carried along by the keyframes that observed it (mean of where each would take its
-    endpoints), then put onto its plane, so that it also moves lengthwise.
-    """
-    table = graph.keyframes
-    solved = {i: values.atPose3(keys.keyframe(i)) for i in table.ids.tolist()}
-    before = {i: pose3(pose) for i, pose in zip(table.ids.tolist(), table.poses, strict=True)}
-    moves = {i: solved[i].compose(before[i].inverse()) for i in solved}
-    observers: dict[int, list[int]] = {}
-    seen = graph.observations
-    for surface, keyframe in zip(
-        seen.surface_ids.tolist(), seen.keyframe_ids.tolist(), strict=True
-    ):
-        observers.setdefault(surface, []).append(keyframe)
-    segments = graph.wall_surfaces.segments.copy()
-    normals = graph.wall_surfaces.normals.copy()
-    for surface in low.surfaces:
-        row = graph.surface_row(surface)
-        carried = np.mean(
-            [_carry(moves[keyframe], segments[row]) for keyframe in observers[surface]], axis=0
+def _still_doubted(
+    graph: SGraph, doubted: Mapping[tuple[int, int], int], values: gtsam.Values, keys: Keys
+) -> dict[tuple[int, int], int]:
+    """Return the visits that, left to themselves, see another plane than the surface's."""
+    still = {}
+    for (surface, row), visit in doubted.items():
+        middle = graph.wall_surface(surface).segment.mean(axis=0)
+        one, two = (
+            values.atOrientedPlane3(keys.surface(i)).planeCoefficients() for i in (surface, visit)
         )
-        plane = values.atOrientedPlane3(keys.surface(surface)).planeCoefficients()
-        size = np.linalg.norm(plane[:2])
-        normals[row], offset = plane[:2] / size, plane[3] / size
-        segments[row] = carried - np.outer(carried @ normals[row] + offset, normals[row])
-    poses = np.array([_pose_row(solved[i]) for i in table.ids.tolist()])
-    return graph.moved(poses, segments, normals)
-
-
-def _carry(move: gtsam.Pose3, segment: FloatArray) -> FloatArray:
-    return np.array([move.transformFrom(np.array([x, y, 0.0]))[:2] for x, y in segment])
-
-
-def _pose_row(pose: gtsam.Pose3) -> list[float]:
-    quaternion: Any = pose.rotation().toQuaternion()  # gtsam's stubs know nothing of it
-    return [
-        *pose.translation().tolist(),
-        quaternion.x(),
-        quaternion.y(),
-        quaternion.z(),
-        quaternion.w(),
-    ]
+        angle = np.arccos(np.clip(one[:3] @ two[:3], -1, 1))
+        gap = (one[:2] - two[:2]) @ middle + one[3] - two[3]
+        if angle > AGREE_RAD or abs(gap) > AGREE_M:
+            still[surface, row] = visit
+    return still

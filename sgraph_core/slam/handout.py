@@ -10,10 +10,10 @@ import gtsam
 from sgraph_concepts.errors import ConceptError, InputError
 from sgraph_concepts.types import FactorResult
 
-__all__ = ["Handout", "Ledger", "NodeKey"]
+__all__ = ["Handout", "Ledger", "Owner"]
 
-NodeKey = tuple[str, int]
-"""Concept and id of a node."""
+Owner = tuple[str, int] | tuple[str, int, int]
+"""Concept and id of a node, or ``same`` and the ids of two surfaces that are tied."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,8 +24,8 @@ class Handout:
     values: gtsam.Values
     remove: list[int]
     unused: list[int]
-    gone: list[NodeKey]
-    made: list[tuple[NodeKey, FactorResult]]
+    gone: list[Owner]
+    made: list[tuple[Owner, FactorResult]]
 
 
 @dataclass(frozen=True)
@@ -40,9 +40,9 @@ class Ledger:
     """Remembers where the factors of each node are."""
 
     def __init__(self) -> None:
-        self._held: dict[NodeKey, _Held] = {}
-        self._owner: dict[int, NodeKey] = {}
-        self._waiting: list[tuple[NodeKey, int]] = []
+        self._held: dict[Owner, _Held] = {}
+        self._owner: dict[int, Owner] = {}
+        self._waiting: list[tuple[Owner, int]] = []
 
     @property
     def used(self) -> bool:
@@ -54,9 +54,7 @@ class Ledger:
         """How many factors of the last handout have no indices yet."""
         return sum(count for _, count in self._waiting)
 
-    def prepare(
-        self, gone: Iterable[NodeKey], made: Sequence[tuple[NodeKey, FactorResult]]
-    ) -> Handout:
+    def prepare(self, gone: Iterable[Owner], made: Sequence[tuple[Owner, FactorResult]]) -> Handout:
         """Return what replaces the factors of some nodes; nothing is remembered yet.
 
         A variable that a node keeps stays in the graph with its value there: ISAM2 takes no second

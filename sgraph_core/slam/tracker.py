@@ -20,14 +20,16 @@ from sgraph_concepts.types import (
     FloatArray,
     SurfaceArrays,
 )
-from sgraph_core.backend.concept_factors import NO_FACTOR, made_by
+from sgraph_core.backend.association import Association, Proposal, Same, associate
+from sgraph_core.backend.checks import check_factors
+from sgraph_core.backend.concept_factors import NO_FACTOR, made_by, tie
 from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.low_layers import vertical_planes
 from sgraph_core.detector import Detector
 from sgraph_core.graph import SGraph
 from sgraph_core.slam.clusters import Members
 from sgraph_core.slam.estimate import moves
-from sgraph_core.slam.handout import Ledger, NodeKey
+from sgraph_core.slam.handout import Handout, Ledger, Owner
 from sgraph_core.slam.inference import LiveInference, Work
 from sgraph_core.slam.nodes import LiveNodes, NodeChanges
 from sgraph_core.slam.smoother import Smoother
@@ -127,6 +129,8 @@ class ConceptTracker:
         self._observed: set[int] = set(self._graph.observations.surface_ids.tolist())
         self._newly_observed: set[int] = set()
         self._unmade = False
+        self._proposals: dict[Owner, Sequence[tuple[int, int]]] = {}
+        self._ties: dict[Owner, Same] = {}
         self._smoother: Smoother | None = None
 
     # -- what there is -------------------------------------------------------------------------
@@ -260,6 +264,39 @@ class ConceptTracker:
         with self._lock:
             self._ledger.placed(indices)
 
+    def associate(self) -> Update:
+        """Tie surfaces that are one surface mapped twice, where the drive as a whole shows it.
+
+        Nodes propose pairs of surfaces; :func:`sgraph_core.backend.association.associate` accepts
+        those that a rigid correction explains. A tie goes when no node proposes its pair any more.
+        The time this takes grows with the map: call it when the robot has come back somewhere.
+
+        Raises:
+            InputError: the factors of the last update have not been placed.
+            OptimizationError: as :meth:`optimize` raises it, on a graph of the tracker's own.
+        """
+        with self._lock:
+            self._require_placed()
+            proposals = [
+                Proposal(owner[0], owner[1], pairs) for owner, pairs in self._proposals.items()
+            ]
+            proposed = {frozenset(pair) for proposal in proposals for pair in proposal.pairs}
+            same = [pair for pair in self._ties.values() if frozenset(pair.pair) in proposed]
+            new = associate(self._graph, proposals, Association(same)).same
+            ties: dict[Owner, Same] = {("same", *pair.pair): pair for pair in (*same, *new)}
+            made = [
+                (owner, tie(pair, self._graph, self._keys))
+                for owner, pair in ties.items()
+                if owner not in self._ties
+            ]
+            handout = self._ledger.prepare(self._ties.keys() - ties.keys(), made)
+            self._ledger.commit(handout)
+            self._ties = ties
+            update = _update_of(handout, {}, Work())
+            if self._smoother is not None:
+                self._take(self._smoother, update)
+            return update
+
     def optimize(self) -> Update:
         """Update, optimise the map with its concepts by ISAM2, and :meth:`follow` the solution.
 
@@ -275,22 +312,29 @@ class ConceptTracker:
             smoother = self._smoother or Smoother(self._keys)
             smoother.check(self._graph)
             update = self._update()
-            try:
-                self._ledger.placed(smoother.add(self._graph, update))
-            except OptimizationError:
-                self._smoother, self._ledger = None, Ledger()
-                self._unmade = True
-                raise
-            self._smoother = smoother
-            self.follow(smoother.values)
+            self._take(smoother, update)
             return update
 
-    def _update(self) -> Update:
+    def _take(self, smoother: Smoother, update: Update) -> None:
+        """Take an update's factors into the tracker's own graph, and follow the solution."""
+        try:
+            self._ledger.placed(smoother.add(self._graph, update))
+        except OptimizationError:
+            self._smoother, self._ledger, self._ties = None, Ledger(), {}
+            self._unmade = True
+            raise
+        self._smoother = smoother
+        self.follow(smoother.values)
+
+    def _require_placed(self) -> None:
         if self._ledger.waiting:
             raise InputError(
                 f"the last update has {self._ledger.waiting} factors: "
                 "say with placed() at which indices they are"
             )
+
+    def _update(self) -> Update:
+        self._require_placed()
         anew = self._live is None
         surfaces = self._ordered(sorted(self._pending), self._mapped if anew else {})
         live = self._live or self._begin(surfaces)
@@ -310,9 +354,10 @@ class ConceptTracker:
             )
         }
         self._pending, self._newly_observed, self._unmade = set(), set(), False
-        return Update(
-            handout.factors, handout.values, handout.remove, handout.unused, changes, work
-        )
+        for owner in handout.gone:
+            self._proposals.pop(owner, None)
+        self._proposals |= {owner: result.same for owner, result in handout.made}
+        return _update_of(handout, changes, work)
 
     def _begin(self, surfaces: SurfaceArrays) -> LiveInference:
         if self._origin is None and len(surfaces):
@@ -341,10 +386,13 @@ class ConceptTracker:
 
     def _factors(
         self, changes: Mapping[str, NodeChanges]
-    ) -> tuple[list[NodeKey], list[tuple[NodeKey, FactorResult]]]:
+    ) -> tuple[list[Owner], list[tuple[Owner, FactorResult]]]:
         """Return the nodes whose factors go, and those with new factors."""
-        gone = [(name, node.id) for name, change in changes.items() for node in change.removed]
-        made = []
+        gone: list[Owner] = [
+            (name, node.id) for name, change in changes.items() for node in change.removed
+        ]
+        made: list[tuple[Owner, FactorResult]] = []
+        surfaces = self._observed_surfaces()
         for name, make in self._makers.items():
             change, nodes = changes[name], self._nodes[name]
             after = nodes.after(change)
@@ -353,12 +401,20 @@ class ConceptTracker:
                 wanted |= {node.id for node in nodes.having(surface)}
             for node in after:
                 if node.id in wanted or self._unmade:
-                    context = self._context(name, node, after)
-                    made.append(((name, node.id), made_by(make, name, node, context)))
+                    context = self._context(name, node, after, surfaces)
+                    result = made_by(make, name, node, context)
+                    check_factors(
+                        f"factor of {name} {node.id}", result, _planes(context), gtsam.Values()
+                    )
+                    made.append(((name, node.id), result))
         return gone, made
 
     def _context(
-        self, concept: str, node: ConceptNode, nodes: Sequence[ConceptNode]
+        self,
+        concept: str,
+        node: ConceptNode,
+        nodes: Sequence[ConceptNode],
+        surfaces: SurfaceArrays,
     ) -> FactorContext:
         members = [member for member in node.members if member in self._observed]
         rows = np.array([self._graph.surface_row(member) for member in members], np.int64)
@@ -371,7 +427,13 @@ class ConceptTracker:
             dict(zip(members, segments, strict=True)),
             nodes,
             partial(self._keys.node, concept, node.id),
+            surfaces,
         )
+
+    def _observed_surfaces(self) -> SurfaceArrays:
+        surfaces = self._graph.wall_surfaces.ordered()
+        observed = np.fromiter(self._observed, np.int64, len(self._observed))
+        return surfaces.take(np.isin(surfaces.ids, observed))
 
     def _factor_makers(self, factor_types: Mapping[str, str]) -> dict[str, FactorMaker]:
         registry = self._detector.registry
@@ -402,3 +464,14 @@ class ConceptTracker:
             np.concatenate([now.segments, [known[i][0] for i in rest]]),
             np.concatenate([now.normals, [known[i][1] for i in rest]]),
         )
+
+
+def _update_of(handout: Handout, nodes: Mapping[str, NodeChanges], work: Work) -> Update:
+    return Update(handout.factors, handout.values, handout.remove, handout.unused, nodes, work)
+
+
+def _planes(context: FactorContext) -> gtsam.Values:
+    values = gtsam.Values()
+    for member, key in context.plane_keys.items():
+        values.insert(key, gtsam.OrientedPlane3(*context.planes[member]))
+    return values

@@ -67,7 +67,8 @@ def drive(seed: int) -> Drive:
             if (visit, side) not in mapped:
                 mapped[visit, side] = len(graph.wall_surfaces.ids)
                 copies.setdefault(side, []).append(mapped[visit, side])
-                _map(graph, mapped[visit, side], built.segments[side], plane, real, pose)
+                ends, normal = place(built.segments[side], plane, real, pose)
+                graph.add_wall_surface(mapped[visit, side], ends, normal)
             graph.observe(mapped[visit, side], keyframe, plane, PLANE_SIGMAS)
     positions = np.column_stack([true[:, :2], np.zeros(len(true))])
     return Drive(graph, positions, _walls(graph, copies))
@@ -90,16 +91,13 @@ def _observe(segment: Array, normal: Array, pose: Array, rng: np.random.Generato
     return np.array([np.cos(heading), np.sin(heading), 0, distance])
 
 
-def _map(
-    graph: SGraph, surface: int, segment: Array, plane: Array, real: Array, pose: Array
-) -> None:
-    """Put a surface where it seems to be: on the observed plane, as long as it is."""
+def place(segment: Array, plane: Array, real: Array, pose: Array) -> tuple[Array, Array]:
+    """Return where a surface seems to be: its ends [2, 2] on the observed plane, and its normal."""
     heading = np.arctan2(plane[1], plane[0]) + pose[2]
     normal = np.array([np.cos(heading), np.sin(heading)])
     ends = [compose(pose, compose(invert(real), np.append(end, 0.0)))[:2] for end in segment]
     offset = plane[3] - normal @ pose[:2]
-    placed = [end - (normal @ end + offset) * normal for end in ends]
-    graph.add_wall_surface(surface, placed, normal)
+    return np.array([end - (normal @ end + offset) * normal for end in ends]), normal
 
 
 def _walls(graph: SGraph, copies: dict[int, list[int]]) -> list[ConceptNode]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
+import gtsam
 import numpy as np
 
 from sgraph_concepts.types import (
@@ -18,6 +20,7 @@ from sgraph_concepts.types import (
     Scene,
     ScoredEdges,
 )
+from sgraph_core.backend.ties import TieNoise, tie_planes
 
 
 def everything(scene: Scene) -> FloatArray:
@@ -134,3 +137,60 @@ def pairs_of_rows(_edges: ScoredEdges, scene: Scene) -> list[Cluster]:
 
 def surest_pair(edges: ScoredEdges, _scene: Scene) -> list[Cluster]:
     return [Cluster(tuple(edges.pairs[edges.logits.argmax()].tolist()), 0.5)]
+
+
+def _custom(
+    node: ConceptNode, context: FactorContext, width: int, value: float, noise: Any
+) -> FactorResult:
+    """Return a factor on one plane and a point of its own, with Jacobians of a given width."""
+    key = context.new_key(0)
+
+    def residual(_factor: Any, _values: Any, jacobians: list[FloatArray] | None) -> FloatArray:
+        if jacobians is not None:
+            jacobians[0] = np.ones((2, width), order="F")
+            jacobians[1] = np.eye(2, order="F")
+        return np.full(2, value)
+
+    keys = [context.plane_keys[node.members[0]], key]
+    factor = gtsam.CustomFactor(noise, keys, residual)
+    return FactorResult([factor], [(key, gtsam.Point2(0, 0))])
+
+
+UNIT = gtsam.noiseModel.Isotropic.Sigma(2, 1.0)
+
+
+def wide_factor(node: ConceptNode, context: FactorContext) -> FactorResult:
+    return _custom(node, context, 5, 0.0, UNIT)
+
+
+def endless_factor(node: ConceptNode, context: FactorContext) -> FactorResult:
+    return _custom(node, context, 3, np.nan, UNIT)
+
+
+def indefinite_factor(_node: ConceptNode, context: FactorContext) -> FactorResult:
+    key = context.new_key(0)
+    noise = gtsam.noiseModel.Gaussian.Covariance(np.array([[1.0, 2.0], [2.0, 1.0]]))
+    prior = gtsam.PriorFactorPoint2(key, np.zeros(2), noise)
+    return FactorResult([prior], [(key, gtsam.Point2(0, 0))])
+
+
+def taken_key(node: ConceptNode, context: FactorContext) -> FactorResult:
+    plane = context.plane_keys[node.members[0]]
+    return FactorResult([], [(plane, gtsam.OrientedPlane3(1, 0, 0, 0))])
+
+
+def lost_key(_node: ConceptNode, _context: FactorContext) -> FactorResult:
+    return FactorResult([gtsam.PriorFactorPoint2(7, np.zeros(2), UNIT)])
+
+
+def tie_at_a_fifth(node: ConceptNode, context: FactorContext) -> FactorResult:
+    """Hold two sides 0.2 m apart, and nothing else will do."""
+    one, two = node.members
+    return tie_planes(
+        (context.plane_keys[one], context.plane_keys[two]),
+        context.new_key(0),
+        np.array(node.shape.centre),
+        context.planes[one][:2],
+        0.2,
+        TieNoise(0.01, 0.01),
+    )

@@ -125,11 +125,13 @@ def infer(
 
 def _report(solved: Optimization) -> None:
     note(
-        f"optimised {solved.factors} factors: "
+        f"optimised {solved.factors} factors in {solved.iterations} iterations: "
         f"error {solved.initial_error:.6g} -> {solved.final_error:.6g}"
     )
-    for concept, node in solved.switched_off:
-        note(f"switched off {concept} {node}: it contradicts the rest of the graph")
+    if solved.association.same:
+        note(f"tied {len(solved.association.same)} pairs of surfaces that are one, mapped twice")
+    for refusal in solved.refusals:
+        note(f"switched off {refusal}")
 
 
 def _print_nodes(graph: SGraph) -> None:

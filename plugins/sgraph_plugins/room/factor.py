@@ -1,61 +1,46 @@
 """What a room tells the factor graph: surfaces of it that lie in one plane are one surface.
 
 A wall surface that is seen again after the robot has drifted often becomes a second landmark.
-Inside one room no two surfaces lie side by side and face the same way, so they are tied together.
+Inside one room no two surfaces lie side by side and face the same way, so they are taken for one.
+The copies may also have become a room of their own over this one, or belong to no room.
 """
 
 from __future__ import annotations
 
-from itertools import combinations
-
 import numpy as np
+from numpy.typing import NDArray
 
-from sgraph_concepts.types import ConceptNode, FactorContext, FactorResult, FloatArray
-from sgraph_core.backend.ties import TieNoise, tie_planes
+from sgraph_concepts.types import ConceptNode, FactorContext, FactorResult, IntArray, SurfaceArrays
+from sgraph_core.backend.coincidence import coincidence
 
 __all__ = ["factors"]
 
-SAME_ANGLE_RAD = np.radians(8.0)
-SAME_OFFSET_M = 0.2
+SAME_ANGLE_RAD = np.radians(20.0)
+FARTHEST_M = 3.0
+"""Beyond this distance a surface that faces the same way may well be another room's."""
 LEAST_OVERLAP_M = 0.3
-NOISE = TieNoise(angle_rad=0.02, distance_m=0.03)
 
 
 def factors(node: ConceptNode, context: FactorContext) -> FactorResult:
-    """Return ties between the members that are evidently one surface seen twice."""
-    ties = [
-        tie_planes(
-            (context.plane_keys[one], context.plane_keys[two]),
-            context.new_key(number),
-            middle,
-            context.planes[one][:2],
-            None,
-            NOISE,
-        )
-        for number, (one, two, middle) in enumerate(_seen_twice(node, context))
-    ]
-    return FactorResult(
-        [factor for tie in ties for factor in tie.factors],
-        [value for tie in ties for value in tie.values],
-    )
+    """Return the pairs of surfaces that are evidently one surface of this room seen twice."""
+    surfaces = context.surfaces
+    mine = np.flatnonzero(np.isin(surfaces.ids, node.members))
+    if not len(mine):
+        return FactorResult()
+    near = np.flatnonzero(_near(surfaces, mine))
+    one, two = (grid.ravel() for grid in np.meshgrid(mine, near, indexing="ij"))
+    once = ~np.isin(two, mine) | (one < two)  # two members would come in both orders
+    one, two = one[once], two[once]
+    lie = coincidence(surfaces, one, two)
+    twice = (lie.overlaps >= -FARTHEST_M) & (np.abs(lie.gaps) <= FARTHEST_M)
+    twice &= np.abs(lie.angles) <= SAME_ANGLE_RAD
+    pairs = surfaces.ids[np.stack([one[twice], two[twice]], axis=1)]
+    return FactorResult(same=[(first, second) for first, second in pairs.tolist()])
 
 
-def _seen_twice(node: ConceptNode, context: FactorContext) -> list[tuple[int, int, FloatArray]]:
-    """Return the pairs of members that overlap in nearly one plane, and where."""
-    pairs = []
-    members = [member for member in node.members if member in context.planes]
-    for one, two in combinations(members, 2):
-        normal, other = context.planes[one][:2], context.planes[two][:2]
-        if normal @ other < np.cos(SAME_ANGLE_RAD):
-            continue
-        tangent = np.array([-normal[1], normal[0]])
-        low, high = _common(context.segments[one] @ tangent, context.segments[two] @ tangent)
-        foot = -context.planes[one][3] * normal + (low + high) / 2 * tangent
-        gap = other @ foot + context.planes[two][3]
-        if high - low >= LEAST_OVERLAP_M and abs(gap) <= SAME_OFFSET_M:
-            pairs.append((one, two, foot - gap / 2 * other))
-    return pairs
-
-
-def _common(one: FloatArray, two: FloatArray) -> tuple[float, float]:
-    return max(one.min(), two.min()), min(one.max(), two.max())
+def _near(surfaces: SurfaceArrays, mine: IntArray) -> NDArray[np.bool_]:
+    """Return which surfaces reach into the box around the room's own."""
+    low = surfaces.segments[mine].min(axis=(0, 1)) - FARTHEST_M
+    high = surfaces.segments[mine].max(axis=(0, 1)) + FARTHEST_M
+    ends = surfaces.segments
+    return np.asarray(((ends.max(axis=1) >= low) & (ends.min(axis=1) <= high)).all(axis=1))

@@ -22,7 +22,11 @@ FREE_SIGMA_M = 10.0
 """Of the thickness of a wall that is like no others."""
 ALIKE_M = 0.04
 """Walls whose mapped thicknesses differ by no more are counted as built alike."""
+THINNEST_M = 0.03
+"""Sides that are mapped closer together, or across one another, tell nothing of a thickness."""
 FEWEST_ALIKE = 3
+FARTHEST_M = 1.0
+"""Sides that are mapped farther apart, or farther across one another, are not of one wall."""
 LEAST_CONFIDENCE = 0.1
 """A node's confidence divides the variance of its factors, down to this."""
 
@@ -34,7 +38,7 @@ def factors(node: ConceptNode, context: FactorContext) -> FactorResult:
     one, two = node.members
     normal = context.planes[one][:2] - context.planes[two][:2]
     size = float(np.linalg.norm(normal))
-    if size < 1.0:  # the sides do not face opposite ways: no wall
+    if size < 1.0 or not _possible(node, context):  # the sides do not face opposite ways: no wall
         return FactorResult()
     thickness, sigma = typical_thickness(node, context.nodes)
     sure = 1.0 if node.confidence is None else max(node.confidence, LEAST_CONFIDENCE)
@@ -49,13 +53,20 @@ def factors(node: ConceptNode, context: FactorContext) -> FactorResult:
     )
 
 
+def _possible(node: ConceptNode, context: FactorContext) -> bool:
+    """Return whether the sides lie back to back, as far as a drifted map can tell."""
+    centre = np.array([*(node.shape.centre or (0.0, 0.0)), 0.0, 1.0])
+    return abs(-sum(float(plane @ centre) for plane in context.planes.values())) <= FARTHEST_M
+
+
 def typical_thickness(node: ConceptNode, walls: Sequence[ConceptNode]) -> tuple[float, float]:
     """Return the thickness that a wall should have, and its standard deviation, in metres.
 
     The walls within 4 cm of this one's mapped thickness are its group, this one included.
     """
     own = node.shape.thickness or 0.0
-    known = np.array([w.shape.thickness for w in walls if w.shape.thickness is not None])
+    known = np.array([w.shape.thickness or 0.0 for w in walls])
+    known = known[known >= THINNEST_M]
     group = known[np.abs(known - own) <= ALIKE_M]
     if len(group) < FEWEST_ALIKE:
         return own, FREE_SIGMA_M

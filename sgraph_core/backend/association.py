@@ -1,0 +1,432 @@
+"""Which surfaces that concepts take for one surface mapped twice are tied.
+
+A concept proposes pairs of surfaces. Alone a pair proves little: walls of a building repeat, and
+what the map believes of its own accuracy is wrong where the front end matched a wrong wall. So
+pairs vote. All that a short stretch of the drive saw must move onto the older map by one rigid
+correction, small for the way between. Two pairs that are not parallel fix a correction; every pair
+that it explains supports it, and so does every surface that the front end recognised itself and
+that the correction leaves in place. A correction is accepted when enough walls support it, and
+when neither another correction nor what it would tear apart has nearly as much support: of equal
+doors in a row each explains what is seen, and none is taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtri
+
+from sgraph_concepts.types import FloatArray, IntArray, SurfaceArrays
+from sgraph_core.backend.coincidence import coincidence
+from sgraph_core.backend.visits import Visits
+from sgraph_core.geometry import cross, dot
+from sgraph_core.graph import SGraph
+
+__all__ = ["Association", "Proposal", "Same", "associate"]
+
+TIE_SIGMAS = (0.02, 0.03)
+"""How two mapped pieces of one wall differ from one plane: angle in rad, offset in m."""
+DRIFT_SHARE = 0.01
+"""What a straightened map still drifts, as a standard deviation, per metre of the way."""
+DRIFT_RAD_PER_M = np.radians(0.02)
+LEAST_DRIFT_M, LEAST_DRIFT_RAD = 0.1, np.radians(1.0)
+REJECTION = 1e-2
+WINDOW = 20
+"""Keyframes that see the older map again together: short enough to be rigid."""
+DOUBT = 30
+"""Keyframes around a correction within which the front end's own recognitions are doubted."""
+NOISE_RAD, NOISE_M = 0.03, 0.06
+"""How well a correction must explain a pair, as standard deviations."""
+END_M = 0.03
+"""Error of a surface's ends across it: the direction of short surfaces is uncertain."""
+LEAST_OVERLAP_M = 0.3
+PARALLEL = np.sin(np.radians(30.0))
+FEWEST = 3
+FEWEST_NEW = 2
+"""Surfaces that must support a correction; those mapped anew, if it moves them far."""
+MOST_SUPPORT_M = 2.0
+"""What one surface adds to a correction's support: its length, up to this."""
+LEAST_SUPPORT_M = 5.0
+EXPLAINED = 0.7
+"""Share of what a window saw, and what might be known, that its correction must explain."""
+RIVAL = 0.7
+"""A rival with this share of the best one's support makes both ambiguous."""
+OTHER_M, OTHER_RAD = 0.3, np.radians(8.0)
+"""Corrections that differ by more are rivals."""
+ALIKE = 0.9
+"""Share of what was recognised that another place must have, to look like it."""
+SURE = 1 / 3
+"""Share of the shift by which a map repeats that a correction there may have."""
+REPEAT_M = 8.0
+"""How far away another place may look like the one that was recognised."""
+MOST_SEEDS = 40
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """Pairs of surfaces, by id, that a node takes for one surface mapped twice."""
+
+    concept: str
+    node: int
+    pairs: Sequence[tuple[int, int]]
+
+
+@dataclass(frozen=True)
+class Same:
+    """Two surfaces that are one, shown by a node.
+
+    Attributes:
+        concept, node: who says so.
+        pair: ids of the older and the newer surface.
+    """
+
+    concept: str
+    node: int
+    pair: tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Association:
+    """What votes decided.
+
+    Attributes:
+        same: pairs of surfaces that are one.
+        doubted: surfaces that the front end recognised at a later visit near which it was wrong
+            about others: id and row of the keyframe that begins the visit.
+    """
+
+    same: Sequence[Same] = ()
+    doubted: Sequence[tuple[int, int]] = ()
+
+    def with_(self, other: Association) -> Association:
+        """Return both together; what comes first keeps its place."""
+        return Association(
+            list(dict.fromkeys([*self.same, *other.same])),
+            list(dict.fromkeys([*self.doubted, *other.doubted])),
+        )
+
+
+def associate(
+    graph: SGraph, proposals: Sequence[Proposal], known: Association = Association()
+) -> Association:
+    """Return which of the proposed pairs are one surface.
+
+    Args:
+        graph: an S-Graph whose low layers are solved.
+        proposals: pairs of observed surfaces.
+        known: what was decided before.
+    """
+    visits = Visits(graph)
+    who = _candidates(proposals, visits, {frozenset(same.pair) for same in known.same})
+    if not who:
+        return Association()
+    votes = _votes(graph, list(who), visits, set(known.doubted))
+    elections = [
+        election
+        for first in range(0, len(graph.keyframes.ids), WINDOW // 2)
+        if (election := _elect(votes.within(first, first + WINDOW), visits, first)) is not None
+    ]
+    found = Association()
+    for election in _surest(elections):
+        window = election.window
+        if election.moves and not _distinct(graph, election, visits):
+            continue
+        pairs = window.pairs[election.chosen & ~window.held].tolist()
+        same = [Same(who[a, b].concept, who[a, b].node, (a, b)) for a, b in pairs]
+        doubted = _doubted(votes, election.first) if election.moves else []
+        found = found.with_(Association(same, doubted))
+    return found
+
+
+def _surest(elections: Sequence[_Election]) -> list[_Election]:
+    """Return the best supported elections of their surroundings: the next round sees the others."""
+    taken: list[_Election] = []
+    for election in sorted(elections, key=lambda e: -e.weight):
+        if all(abs(election.first - other.first) > DOUBT for other in taken):
+            taken.append(election)
+    return taken
+
+
+def _doubted(votes: _Votes, first: int) -> list[tuple[int, int]]:
+    """Return what the front end recognised around a window: surfaces and beginnings of visits."""
+    near = votes.within(first - DOUBT, first + WINDOW + DOUBT)
+    near = near.take(near.held)
+    return list(zip(near.pairs[:, 0].tolist(), near.visits[:, 0].tolist(), strict=True))
+
+
+def _candidates(
+    proposals: Sequence[Proposal], visits: Visits, done: set[frozenset[int]]
+) -> dict[tuple[int, int], Proposal]:
+    """Return who proposes which pair, older surface first; not those that were seen together."""
+    who: dict[tuple[int, int], Proposal] = {}
+    for proposal in proposals:
+        for one, two in proposal.pairs:
+            pair = (one, two) if visits.first(one) <= visits.first(two) else (two, one)
+            if frozenset(pair) not in done and not visits.together(one, two):
+                who.setdefault(pair, proposal)
+    return who
+
+
+@dataclass(frozen=True, eq=False)
+class _Votes:
+    """P pairs of surfaces that may be one.
+
+    Attributes:
+        pairs: ids of the older and the newer surface, [P, 2].
+        visits: rows of the first and the last keyframe of the visit to the newer one, [P, 2].
+        held: whether the front end itself recognised the surface: both are the same, [P].
+        points: where the surfaces lie side by side, [P, 2].
+        normals: of the older surface, [P, 2].
+        innovations: heading and offset of the older surface less those of the newer one, [P, 2].
+        sigmas: how well a correction must explain them, [P, 2].
+        segments: of both surfaces, [P, 2, 2, 2].
+    """
+
+    pairs: IntArray
+    visits: IntArray
+    held: NDArray[np.bool_]
+    points: FloatArray
+    normals: FloatArray
+    innovations: FloatArray
+    sigmas: FloatArray
+    segments: FloatArray
+
+    def within(self, first: int, last: int) -> _Votes:
+        """Return what the keyframes from one to before another saw."""
+        return self.take((self.visits[:, 1] >= first) & (self.visits[:, 0] < last))
+
+    def take(self, rows: NDArray[np.bool_]) -> _Votes:
+        return _Votes(
+            self.pairs[rows],
+            self.visits[rows],
+            self.held[rows],
+            self.points[rows],
+            self.normals[rows],
+            self.innovations[rows],
+            self.sigmas[rows],
+            self.segments[rows],
+        )
+
+
+def _votes(
+    graph: SGraph,
+    pairs: Sequence[tuple[int, int]],
+    visits: Visits,
+    apart: set[tuple[int, int]],
+) -> _Votes:
+    held = [(i, visit) for i, visit in visits.returns() if (i, visit[0]) not in apart]
+    ids = np.array([*pairs, *((i, i) for i, _ in held)], np.int64).reshape(-1, 2)
+    spans = [visits.first_visit(newer) for _, newer in pairs] + [visit for _, visit in held]
+    surfaces = graph.wall_surfaces.ordered()
+    one, two = (np.array([graph.surface_row(i) for i in side], np.int64) for side in ids.T.tolist())
+    return replace(
+        _pairs_of_rows(surfaces, one, two), held=one == two, visits=np.array(spans, np.int64)
+    )
+
+
+def _pairs_of_rows(surfaces: SurfaceArrays, one: IntArray, two: IntArray) -> _Votes:
+    """Return pairs of surfaces, by rows, as votes of no time."""
+    lie = coincidence(surfaces, one, two)
+    angle = np.hypot(NOISE_RAD, END_M / np.minimum(surfaces.lengths[one], surfaces.lengths[two]))
+    return _Votes(
+        surfaces.ids[np.stack([one, two], axis=1)],
+        np.zeros((len(one), 2), np.int64),
+        np.zeros(len(one), bool),
+        lie.points,
+        surfaces.normals[one],
+        np.stack([lie.angles, lie.gaps], axis=1),
+        np.stack([angle, np.full(len(one), NOISE_M)], axis=1),
+        surfaces.segments[np.stack([one, two], axis=1)],
+    )
+
+
+def _drift(visits: Visits, window: _Votes) -> FloatArray:
+    """Return how much a window may have drifted: standard deviations of angle, x and y, [3]."""
+    if not len(window.pairs):
+        return np.ones(3)
+    ways = [
+        visits.way(visits.last_before(older, time), time)
+        for older, time in zip(
+            window.pairs[:, 0].tolist(), window.visits[:, 0].tolist(), strict=True
+        )
+    ]
+    way = float(np.median(ways))
+    shift = LEAST_DRIFT_M + DRIFT_SHARE * way
+    return np.array([LEAST_DRIFT_RAD + DRIFT_RAD_PER_M * way, shift, shift])
+
+
+@dataclass(frozen=True, eq=False)
+class _Corrections:
+    """C rigid corrections of a window: angle, x, y about its centre.
+
+    Attributes:
+        moves: [C, 3].
+        support: which pairs each explains, [C, P].
+    """
+
+    moves: FloatArray
+    support: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class _Election:
+    """A correction of a window that was accepted.
+
+    Attributes:
+        first: the window's first keyframe.
+        window: all its pairs.
+        chosen: which of them hold, [P].
+        move: the correction: angle, x and y, [3].
+        weight: metres of wall in support.
+    """
+
+    first: int
+    window: _Votes
+    chosen: NDArray[np.bool_]
+    move: FloatArray
+    weight: float
+
+    @property
+    def moves(self) -> bool:
+        """Whether the window moves by more than a front end's gate may have missed."""
+        return bool((np.abs(self.move) > [OTHER_RAD, OTHER_M, OTHER_M]).any())
+
+
+def _elect(window: _Votes, visits: Visits, first: int) -> _Election | None:
+    """Return the best supported correction of a window; None where none is beyond doubt."""
+    if window.held.all() or len(window.pairs) < FEWEST:
+        return None
+    corrections = _corrections(window, _drift(visits, window))
+    if not len(corrections.moves):
+        return None
+    weights = _weights(window, corrections.support)
+    best = int(weights.argmax())
+    chosen = corrections.support[best]
+    torn = window.held & ~chosen
+    differs = np.abs(corrections.moves - corrections.moves[best]) > [OTHER_RAD, OTHER_M, OTHER_M]
+    rivals = weights[differs.any(axis=1)]
+    against = max(rivals.max(initial=0.0), _weights(window, torn[None])[0])
+    everything = _weights(window, np.ones((1, len(chosen)), bool))[0]
+    if weights[best] < max(LEAST_SUPPORT_M, EXPLAINED * everything):
+        return None
+    if against >= RIVAL * weights[best]:
+        return None
+    election = _Election(first, window, chosen, corrections.moves[best], float(weights[best]))
+    anew = np.unique(window.pairs[chosen & ~window.held, 1])
+    return None if election.moves and len(anew) < FEWEST_NEW else election
+
+
+def _distinct(graph: SGraph, election: _Election, visits: Visits) -> bool:
+    """Return whether no other place near by looks like the one that was recognised.
+
+    The surfaces that were recognised are matched with the rest of the older map, like a visit that
+    has drifted far. Where a shift explains them as well, the map repeats, as rooms in a row do, and
+    only a correction that is clearly shorter than that shift tells a copy from the next room.
+    """
+    known = np.unique(election.window.pairs[election.chosen, 0])
+    surfaces = graph.wall_surfaces.ordered()
+    mine = np.array([graph.surface_row(i) for i in known.tolist()], np.int64)
+    older = np.array(
+        [
+            graph.surface_row(i)
+            for i in graph.observations.surface_ids
+            if visits.first(int(i)) < election.first
+        ],
+        np.int64,
+    )
+    one, two = (side.ravel() for side in np.meshgrid(np.unique(older), mine, indexing="ij"))
+    lie = coincidence(surfaces, one, two)
+    like = (one != two) & (np.abs(lie.gaps) <= REPEAT_M) & (np.abs(lie.angles) <= OTHER_RAD)
+    like &= lie.overlaps >= -REPEAT_M
+    if not like.any():
+        return True
+    place = _pairs_of_rows(surfaces, one[like], two[like])
+    shifts = _corrections(place, np.array([OTHER_RAD, REPEAT_M, REPEAT_M]) / 3)
+    lengths = np.linalg.norm(shifts.moves[:, 1:], axis=1)
+    repeats = (_weights(place, shifts.support) >= ALIKE * _own(surfaces, mine)) & (
+        lengths > OTHER_M
+    )
+    nearest = lengths[repeats].min(initial=np.inf)
+    return bool(np.linalg.norm(election.move[1:]) < SURE * nearest)
+
+
+def _own(surfaces: SurfaceArrays, rows: IntArray) -> float:
+    return float(np.minimum(surfaces.lengths[rows], MOST_SUPPORT_M).sum())
+
+
+def _weights(window: _Votes, support: NDArray[np.bool_]) -> FloatArray:
+    """Return the metres of wall that support corrections, each newer surface counted once, [C]."""
+    ends = window.segments[:, 1]
+    lengths = np.minimum(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), MOST_SUPPORT_M)
+    _, first, group = np.unique(window.pairs[:, 1], return_index=True, return_inverse=True)
+    return np.asarray(_of_groups(support, group) @ lengths[first])
+
+
+def _of_groups(support: NDArray[np.bool_], group: IntArray) -> NDArray[np.bool_]:
+    """Return which groups of pairs have one that supports each correction, [C, groups]."""
+    member = group[:, None] == np.arange(group.max(initial=-1) + 1)
+    return np.asarray(support.astype(np.float64) @ member > 0)
+
+
+def _corrections(window: _Votes, drift: FloatArray) -> _Corrections:
+    """Return the corrections that two pairs fix and several surfaces support."""
+    centre = window.points.mean(axis=0)
+    design = _design(window, centre) / window.sigmas[:, :, None]
+    target = window.innovations / window.sigmas
+    crossing = np.abs(cross(window.normals[:, None], window.normals[None])) > PARALLEL
+    one, two = np.triu_indices(min(len(window.pairs), MOST_SEEDS), k=1)
+    seeds = crossing[one, two]
+    support = np.zeros((int(seeds.sum()), len(window.pairs)), bool)
+    rows = np.arange(len(support))
+    support[rows, one[seeds]] = support[rows, two[seeds]] = True
+    for _ in range(2):
+        moves = _fit(design, target, support, drift)
+        likely = ((moves / drift) ** 2).sum(axis=1) <= chdtri(3, REJECTION)
+        moves = moves[likely]
+        left = target.ravel() - moves @ design.reshape(-1, 3).T
+        support = (left.reshape(len(moves), len(window.pairs), 2) ** 2).sum(axis=2) <= chdtri(
+            2, REJECTION
+        )
+        support &= _side_by_side(window, moves, centre)
+    _, group = np.unique(window.pairs[:, 1], return_inverse=True)
+    spans = ((support.astype(np.float64) @ crossing > 0) & support).any(axis=1)
+    spans &= _of_groups(support, group).sum(axis=1) >= FEWEST
+    spans &= (support & ~window.held).any(axis=1)
+    return _Corrections(moves[spans], support[spans])
+
+
+def _design(window: _Votes, centre: FloatArray) -> FloatArray:
+    """Return how innovations follow from a correction of the newer side, [P, 2, 3]."""
+    normals, arms = window.normals, window.points - centre
+    design = np.zeros((len(normals), 2, 3))
+    design[:, 0, 0] = 1.0
+    design[:, 1, 0] = -cross(arms, normals)
+    design[:, 1, 1:] = -normals
+    return design
+
+
+def _fit(
+    design: FloatArray, target: FloatArray, support: NDArray[np.bool_], drift: FloatArray
+) -> FloatArray:
+    """Return the least-squares corrections of supporting pairs and of the drift model, [C, 3]."""
+    weights = support.astype(np.float64)
+    squares = np.einsum("pij,pik->pjk", design, design).reshape(-1, 9)
+    normal = (weights @ squares).reshape(-1, 3, 3) + np.diag(1 / drift**2)
+    right = weights @ np.einsum("pij,pi->pj", design, target)
+    return np.asarray(np.linalg.solve(normal, right[:, :, None])[:, :, 0])
+
+
+def _side_by_side(window: _Votes, moves: FloatArray, centre: FloatArray) -> NDArray[np.bool_]:
+    """Return which pairs overlap once the newer surface is moved, [C, P]."""
+    tangents = np.stack([-window.normals[:, 1], window.normals[:, 0]], axis=1)
+    older = dot(window.segments[:, 0], tangents[:, None])
+    arms = window.segments[:, 1].mean(axis=1) - centre
+    turned = np.stack([-arms[:, 1], arms[:, 0]], axis=1)
+    shift = moves[:, None, 1:] + moves[:, :1, None] * turned
+    newer = dot(window.segments[:, 1], tangents[:, None]) + dot(shift, tangents)[:, :, None]
+    low = np.maximum(older.min(axis=1), newer.min(axis=2))
+    high = np.minimum(older.max(axis=1), newer.max(axis=2))
+    return np.asarray(high - low >= LEAST_OVERLAP_M)

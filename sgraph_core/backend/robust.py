@@ -1,0 +1,168 @@
+"""Solving with concepts that may be wrong: what contradicts the map is switched off."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import gtsam
+from scipy.special import chdtri
+
+from sgraph_concepts.errors import OptimizationError
+from sgraph_core.backend.concept_factors import ConceptFactors, FactorGroup
+from sgraph_core.backend.keys import Keys
+from sgraph_core.backend.low_layers import LowLayers
+
+__all__ = ["Refusal", "RobustSolution", "solve", "solve_robustly"]
+
+REJECTION = 1e-3
+"""Probability with which correct factors are switched off."""
+MOST_ROUNDS = 12
+STRETCH = 20
+"""Keyframes that are near one another: what they saw may be bent by one wrong factor."""
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """Why factors were switched off.
+
+    Attributes:
+        concept, node: whose factors.
+        surfaces: ids of the two surfaces of a tie; empty for the node's own factors.
+        squares: their sum of squared whitened residuals.
+        threshold: the quantile of chi-squared that it exceeds.
+        freedom: degrees of freedom of the quantile.
+    """
+
+    concept: str
+    node: int
+    surfaces: tuple[int, ...]
+    squares: float
+    threshold: float
+    freedom: int
+
+    def __str__(self) -> str:
+        what = f"{self.concept} {self.node}"
+        if self.surfaces:
+            what += f", surfaces {self.surfaces[0]} = {self.surfaces[1]}"
+        return (
+            f"{what}: squared error {self.squares:.3g} exceeds {self.threshold:.3g} "
+            f"(chi-squared, {self.freedom} degrees of freedom, {1 - REJECTION:.1%}) "
+            "against the rest of the graph"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class RobustSolution:
+    """A solution, the factors it satisfies, and what was left out."""
+
+    factors: gtsam.NonlinearFactorGraph
+    values: gtsam.Values
+    refusals: Sequence[Refusal]
+    iterations: int
+
+
+def solve(factors: gtsam.NonlinearFactorGraph, start: gtsam.Values) -> tuple[gtsam.Values, int]:
+    """Return the solution by Levenberg-Marquardt, and its number of iterations.
+
+    Raises:
+        OptimizationError: the problem is under-determined, or a factor fails.
+    """
+    try:
+        optimizer = gtsam.LevenbergMarquardtOptimizer(factors, start)
+        return optimizer.optimize(), int(optimizer.iterations())
+    except Exception as error:  # a third party's factors may raise anything
+        reason = " ".join(str(error).split())
+        raise OptimizationError(f"the factor graph cannot be solved: {reason}") from error
+
+
+def solve_robustly(
+    low: LowLayers,
+    concepts: ConceptFactors,
+    start: gtsam.Values,
+    keys: Keys,
+    refusals: Sequence[Refusal] = (),
+) -> RobustSolution:
+    """Solve, switch off the worst misfits, and solve again until all that remains fits.
+
+    Where misfits share surfaces only the worst goes: it may be what bends the others.
+
+    Args:
+        low: the low layers.
+        concepts: the concepts' factors.
+        start: where to begin; variables that it lacks begin at their initial values.
+        keys: the keys of the planes.
+        refusals: what was switched off before and stays so.
+    """
+    off, iterations, near = list(refusals), 0, _stretches(low, keys)
+    values = start
+    for _ in range(MOST_ROUNDS):
+        kept = _kept(concepts, off)
+        factors, values = _assemble(low, concepts, kept, values)
+        values, steps = solve(factors, values)
+        iterations += steps
+        worst = _worst(concepts, kept, values, near)
+        if not worst:
+            break
+        off += worst
+    return RobustSolution(factors, values, off, iterations)
+
+
+def _kept(concepts: ConceptFactors, off: Sequence[Refusal]) -> list[FactorGroup]:
+    gone = {(refusal.concept, refusal.node, refusal.surfaces) for refusal in off}
+    return [g for g in concepts.groups if (g.concept, g.node, g.surfaces) not in gone]
+
+
+def _assemble(
+    low: LowLayers, concepts: ConceptFactors, groups: Sequence[FactorGroup], start: gtsam.Values
+) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
+    factors = gtsam.NonlinearFactorGraph(low.graph)
+    for group in groups:
+        for index in group.indices:
+            factors.add(concepts.graph.at(index))
+    values = gtsam.Values(start)
+    for initial in (concepts.values, low.values):
+        values.insert(initial.extract([key for key in initial.keys() if not values.exists(key)]))  # noqa: SIM118
+    return factors, values.extract(factors.keyVector())
+
+
+def _stretches(low: LowLayers, keys: Keys) -> dict[int, set[int]]:
+    """Return the stretches of the drive that saw each plane, by the plane's key."""
+    return {
+        keys.surface(surface): {row // STRETCH for row in rows}
+        for surface, rows in low.observers.items()
+    }
+
+
+def _worst(
+    concepts: ConceptFactors,
+    groups: Sequence[FactorGroup],
+    values: gtsam.Values,
+    near: Mapping[int, set[int]],
+) -> list[Refusal]:
+    """Return the misfits that no worse one was seen near."""
+    own = concepts.values.dims()
+    found = []
+    for group in groups:
+        refusal, keys = _misfit(concepts, group, values, own)
+        if refusal is not None:
+            found.append((refusal, set[int]().union(*(near.get(key, ()) for key in keys))))
+    worst, claimed = [], set[int]()
+    for refusal, stretches in sorted(found, key=lambda f: -f[0].squares / f[0].threshold):
+        if claimed.isdisjoint(stretches):
+            worst.append(refusal)
+        claimed |= stretches
+    return worst
+
+
+def _misfit(
+    concepts: ConceptFactors, group: FactorGroup, values: gtsam.Values, own: dict[int, int]
+) -> tuple[Refusal | None, set[int]]:
+    factors = [concepts.graph.at(index) for index in group.indices]
+    keys = {key for factor in factors for key in factor.keys()}  # noqa: SIM118
+    freedom = sum(factor.dim() for factor in factors) - sum(own.get(key, 0) for key in keys)
+    squares = 2 * sum(factor.error(values) for factor in factors)
+    threshold = float(chdtri(freedom, REJECTION)) if freedom > 0 else float("inf")
+    if squares <= threshold:
+        return None, keys
+    return Refusal(group.concept, group.node, group.surfaces, squares, threshold, freedom), keys

@@ -1,0 +1,95 @@
+"""Which surfaces are found to be one: copies of a room, and never the room next door."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from plans import Point, rectangle, regular
+from visits import visit_rooms
+
+from sgraph_core.backend import associate, optimize
+from sgraph_core.backend.concept_factors import propose
+from sgraph_core.graph import SGraph
+
+ROOM = rectangle(0, 0, 5, 4)
+SEVEN = regular(7, 3.0)
+PITCH = 4.2
+DRIFT = (0.5, -0.3, 0.03)
+
+
+def office(number: int) -> list[Point]:
+    """Return one of a row of equal offices."""
+    return rectangle(number * PITCH, 0, 4, 5)
+
+
+def found(graph: SGraph) -> set[tuple[int, int]]:
+    return {same.pair for same in associate(graph, propose(graph, None, None)).same}
+
+
+@pytest.mark.parametrize("outline", [ROOM, SEVEN], ids=["four sides", "seven sides"])
+def test_every_surface_of_a_room_seen_again_is_found(outline: list[Point]) -> None:
+    sides = len(outline)
+    pairs = found(visit_rooms([(outline, (0, 0, 0)), (outline, DRIFT)]))
+    assert {(side, sides + side) for side in range(sides)} <= pairs
+    assert all(newer - older == sides for older, newer in pairs)
+
+
+def test_order_of_ids_does_not_matter() -> None:
+    """The surface that was seen first is the older one, whatever its members' order."""
+    graph = visit_rooms([(ROOM, (0, 0, 0)), (ROOM, DRIFT)])
+    graph.concepts["room"].reverse()
+    assert found(graph) == {(side, 4 + side) for side in range(4)}
+
+
+def test_what_one_keyframe_sees_is_never_one_surface() -> None:
+    graph = visit_rooms([(ROOM, (0, 0, 0)), (ROOM, DRIFT)])
+    for surface in range(4):
+        keyframe = int(graph.observations.keyframe_ids[-1])
+        seen = graph.wall_surface(surface)
+        at = graph.keyframe(keyframe).pose[:2]
+        distance = float(seen.normal @ (at - seen.segment[0]))
+        turn = -DRIFT[2]
+        body = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ seen.normal
+        graph.observe(surface, keyframe, [*body, 0, distance], [0.01, 0.02])
+    assert found(graph) == set()
+
+
+def test_parallel_walls_alone_prove_nothing() -> None:
+    graph = visit_rooms([(ROOM, (0, 0, 0)), (ROOM, DRIFT)])
+    graph.concepts["room"] = []
+    assert found(graph) == set()
+
+
+def test_an_office_in_a_row_of_equal_ones_is_found_after_little_drift() -> None:
+    row = [(office(number), (0, 0, 0)) for number in range(4)]
+    pairs = found(visit_rooms([*row, (office(1), (0.5, 0.2, 0.01))]))
+    assert pairs == {(4 + side, 16 + side) for side in range(4)}
+
+
+@pytest.mark.parametrize("shift", [1.8, PITCH / 2, 2.4])
+def test_an_office_that_may_be_either_of_two_is_taken_for_neither(shift: float) -> None:
+    row = [(office(number), (0, 0, 0)) for number in range(4)]
+    assert found(visit_rooms([*row, (office(1), (shift, 0, 0))])) == set()
+
+
+@pytest.mark.parametrize("drift", [0.0, 0.5, 1.3])
+def test_the_next_office_of_a_row_is_not_taken_for_the_one_before(drift: float) -> None:
+    """It has never been seen; what looks like it is a whole office away."""
+    row = [(office(number), (0, 0, 0)) for number in range(3)]
+    assert found(visit_rooms([*row, (office(3), (-drift, 0, 0))])) == set()
+
+
+def test_a_room_of_another_shape_is_not_taken_for_the_one_before() -> None:
+    other = rectangle(0.4, 0.3, 3.9, 5.2)
+    assert found(visit_rooms([(ROOM, (0, 0, 0)), (other, (0, 0, 0))])) == set()
+
+
+def test_optimising_brings_the_copies_together() -> None:
+    graph = visit_rooms([(ROOM, (0, 0, 0)), (ROOM, DRIFT)])
+    solved = optimize(graph)
+    assert not solved.refusals
+    for side in range(4):
+        one, two = (solved.graph.wall_surface(i) for i in (side, 4 + side))
+        assert one.normal @ two.normal > np.cos(0.02)
+        middle = two.segment.mean(axis=0) - one.segment.mean(axis=0)
+        assert abs(float(middle @ one.normal)) < 0.05
