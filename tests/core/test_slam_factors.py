@@ -27,6 +27,7 @@ OWN = Keys(
     keyframe=lambda i: 1000 + i,
     surface=lambda i: 5000 + i,
     node=lambda concept, i, v: (9 if concept == "room" else 8) * 10**6 + 1000 * i + v,
+    tie=lambda one, two: 10**7 + 1000 * one + two,
 )
 
 
@@ -279,6 +280,49 @@ def test_the_trackers_own_optimisation_straightens_a_drive(detector: Detector) -
         for surface in np.unique(result.observations.surface_ids).tolist():
             before = simulated.graph.wall_surface(surface)
             assert before.normal @ result.wall_surface(surface).normal > 0.5
+
+
+def test_surfaces_mapped_twice_are_tied_on_request(detector: Detector) -> None:
+    for seed in (0, 3, 5):
+        simulated, tracker = drive(seed), ConceptTracker(detector=detector)
+        for enter in keyframes_of(simulated.graph):
+            enter(tracker)
+            tracker.optimize()
+        before = tracker.snapshot().keyframes.poses
+        assert tracker.associate().factors.size()
+        tracker.optimize()
+        after = tracker.snapshot().keyframes.poses
+        errors = [ate_rmse(poses[:, :3], simulated.positions) for poses in (before, after)]
+        assert errors[1] < errors[0]
+        again = tracker.associate()
+        assert (again.factors.size(), again.remove) == (0, []), "all is tied"
+
+
+def test_ties_go_with_the_nodes_that_proposed_them(detector: Detector) -> None:
+    caller = Caller(ConceptTracker(detector=detector, keys=OWN))
+    for enter in keyframes_of(drive(0).graph):
+        caller.see(enter)
+    caller.tracker.follow(caller.settled())
+    caller.step()
+    update = caller.tracker.associate()
+    tied = set(update.values.keys())
+    assert tied
+    caller.tracker.placed(caller._smoother.add(caller.graph, update))
+    assert tied <= set(caller.isam.calculateEstimate().keys())
+    table = caller.graph.wall_surfaces
+    scattered = {
+        i: (segment + np.array([0.0, 40.0 * i]), normal)
+        for i, segment, normal in zip(
+            table.ids.tolist(), table.segments, table.normals, strict=True
+        )
+    }
+    caller.tracker.move(surfaces=scattered)
+    caller.step()
+    assert not caller.tracker.nodes("room")
+    gone = caller.tracker.associate()
+    assert set(gone.unused) == tied
+    caller.tracker.placed(caller._smoother.add(caller.graph, gone))
+    assert not tied & set(caller.isam.calculateEstimate().keys())
 
 
 def test_keyframes_that_odometry_does_not_connect_are_named(detector: Detector) -> None:
