@@ -18,6 +18,7 @@ from sgraph_concepts.types import (
     FactorContext,
     FactorResult,
     FloatArray,
+    IntArray,
     SurfaceArrays,
 )
 from sgraph_core.backend.association import Association, Proposal, Same, associate
@@ -126,7 +127,10 @@ class ConceptTracker:
         self._mapped: dict[int, Mapped] = {}
         self._origin: FloatArray | None = None
         self._pending: set[int] = set(self._graph.wall_surfaces.ids.tolist())
-        self._observed: set[int] = set(self._graph.observations.surface_ids.tolist())
+        self._observed = {
+            i: self._graph.surface_row(i)
+            for i in np.unique(self._graph.observations.surface_ids).tolist()
+        }
         self._newly_observed: set[int] = set()
         self._unmade = False
         self._proposals: dict[Owner, Sequence[tuple[int, int]]] = {}
@@ -192,7 +196,7 @@ class ConceptTracker:
         with self._lock:
             self._graph.observe(surface_id, keyframe_id, plane, sigmas)
             if surface_id not in self._observed:
-                self._observed.add(surface_id)
+                self._observed[surface_id] = self._graph.surface_row(surface_id)
                 self._newly_observed.add(surface_id)
 
     def move(
@@ -417,7 +421,7 @@ class ConceptTracker:
         surfaces: SurfaceArrays,
     ) -> FactorContext:
         members = [member for member in node.members if member in self._observed]
-        rows = np.array([self._graph.surface_row(member) for member in members], np.int64)
+        rows = np.array([self._observed[member] for member in members], np.int64)
         table = self._graph.wall_surfaces
         segments = table.segments[rows]
         planes = vertical_planes(segments, table.normals[rows])
@@ -431,9 +435,8 @@ class ConceptTracker:
         )
 
     def _observed_surfaces(self) -> SurfaceArrays:
-        surfaces = self._graph.wall_surfaces.ordered()
-        observed = np.fromiter(self._observed, np.int64, len(self._observed))
-        return surfaces.take(np.isin(surfaces.ids, observed))
+        rows = np.fromiter(self._observed.values(), np.int64, len(self._observed))
+        return _taken(self._graph.wall_surfaces, rows)
 
     def _factor_makers(self, factor_types: Mapping[str, str]) -> dict[str, FactorMaker]:
         registry = self._detector.registry
@@ -451,11 +454,8 @@ class ConceptTracker:
         self, ids: Sequence[int], known: Mapping[int, Mapped] | None = None
     ) -> SurfaceArrays:
         """Return surfaces as they are now, and others as they were last looked at."""
-        table = self._graph.wall_surfaces
         rows = np.array([self._graph.surface_row(i) for i in ids], np.int64)
-        now = WallSurfaces(
-            table.ids[rows], table.segments[rows], table.normals[rows], table.heights[rows]
-        ).ordered()
+        now = _taken(self._graph.wall_surfaces, rows)
         rest = sorted((known or {}).keys() - set(ids))
         if known is None or not rest:
             return now
@@ -464,6 +464,12 @@ class ConceptTracker:
             np.concatenate([now.segments, [known[i][0] for i in rest]]),
             np.concatenate([now.normals, [known[i][1] for i in rest]]),
         )
+
+
+def _taken(table: WallSurfaces, rows: IntArray) -> SurfaceArrays:
+    return WallSurfaces(
+        table.ids[rows], table.segments[rows], table.normals[rows], table.heights[rows]
+    ).ordered()
 
 
 def _update_of(handout: Handout, nodes: Mapping[str, NodeChanges], work: Work) -> Update:
