@@ -109,6 +109,40 @@ def updates(
         )
 
 
+@app.command("solve")
+def solve(
+    rooms: Annotated[
+        list[int] | None, typer.Option(min=1, help="Rooms of a block; 20, 300, 1000 if not given.")
+    ] = None,
+    repeats: Annotated[int, typer.Option(min=1, help="Runs of each; the fastest counts.")] = 3,
+    seed: Annotated[int, typer.Option(min=0, help="Of the blocks.")] = 0,
+) -> None:
+    """Time batch optimisation of blocks of rooms, with the concepts' factors and without."""
+    from rich import box
+    from rich.table import Table
+
+    from sgraph_core.evaluation.block import time_optimization
+
+    sizes = rooms or [20, 300, 1000]
+    table = Table(box=box.MARKDOWN)
+    for column in (
+        "rooms", "planes only [s]", "iterations", "with rooms and walls [s]", "iterations", "ratio",
+    ):  # fmt: skip
+        table.add_column(column, justify="right")
+    with progress() as report:
+        for done, t in enumerate(time_optimization(sizes, repeats, seed), start=1):
+            report("optimising", done, len(sizes))
+            table.add_row(
+                str(t.rooms),
+                f"{t.planes:.2f}",
+                str(t.plane_iterations),
+                f"{t.concepts:.2f}",
+                str(t.concept_iterations),
+                f"{t.concepts / t.planes:.2f}",
+            )
+    print_table(table)
+
+
 Seeds = Annotated[int, typer.Option(min=1, help="Drives per scene or log, with seeds from 0.")]
 Json = Annotated[
     Path | None, typer.Option("--json", metavar="OUT", help="Also write all results as JSON.")
