@@ -299,6 +299,14 @@ def test_growth_is_told_of_two_sizes_or_more(sgraph: Any) -> None:
     assert told in sgraph("bench", "speed", "--size", 30, "--size", 60, "--repeats", 1).stdout
 
 
+def test_updates_are_timed_by_room(sgraph: Any) -> None:
+    result = sgraph("bench", "updates", "--rooms", 3, "--rooms", 6)
+    assert (result.returncode, result.stderr) == (0, "")
+    assert re.search(
+        r"update and ISAM2 in 6 rooms take [\d.]+ times as long as in 3", result.stdout
+    )
+
+
 def test_optimisation_is_timed_on_blocks_of_rooms(sgraph: Any) -> None:
     run = sgraph("bench", "solve", "--rooms", 4, "--rooms", 6, "--repeats", 1)
     assert (run.returncode, run.stderr) == (0, "")
