@@ -282,6 +282,19 @@ def test_synth_writes_reproducible_maps(sgraph: Any, tmp_path: Path) -> None:
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
 
 
+def test_synth_writes_reproducible_grids(sgraph: Any, tmp_path: Path) -> None:
+    for folder in ("a", "b"):
+        result = sgraph("synth", "--grid", "-o", tmp_path / folder, "--count", 2, "--seed", 5)
+        assert (result.returncode, result.stdout) == (0, "")
+        assert "wrote 2 maps to" in result.stderr
+    for number in range(2):
+        for file in ("map.yaml", "map.png", "rooms.png"):
+            one, two = (
+                tmp_path / folder / f"synthetic-5-{number:05d}" / file for folder in ("a", "b")
+            )
+            assert one.read_bytes() == two.read_bytes()
+
+
 def test_synth_takes_ingredients_from_a_file(sgraph: Any, tmp_path: Path) -> None:
     config = tmp_path / "config.json"
     config.write_text('{"plan": {"floor_area_m2": [80, 80], "aspect": [1, 1]}}')
