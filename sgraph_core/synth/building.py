@@ -16,6 +16,7 @@ from sgraph_core.graph import SGraph, TrueRoom, Truth
 from sgraph_core.synth.config import BuildingConfig, ViewConfig
 from sgraph_core.synth.drift import Drift
 from sgraph_core.synth.pieces import NO_ROOM, Pieces
+from sgraph_core.synth.placement import Placement
 from sgraph_core.synth.plan import draw_plan
 from sgraph_core.synth.polygons import turn_left
 from sgraph_core.synth.surfaces import draw_surfaces
@@ -108,7 +109,7 @@ def draw_building(rng: Generator, config: BuildingConfig) -> Building:
 
 def _map(pieces: Pieces, rooms: list[Polygon], rng: Generator, config: ViewConfig) -> Building:
     """Turn pieces into mapped surfaces, drifted and noisy, in a random place and order."""
-    placement = _Placement.draw(rng)
+    placement = Placement.draw(rng)
     polygons = [shapely.get_coordinates(room.exterior)[:-1] for room in rooms]
     gaps = wall_gaps(pieces.segments, pieces.normals)
     structural = pieces.structural[gaps.one] & pieces.structural[gaps.two]
@@ -164,25 +165,3 @@ def _exact_normals(segments: FloatArray, rough: FloatArray) -> FloatArray:
     along = segments[:, 1] - segments[:, 0]
     normals = turn_left(along / np.linalg.norm(along, axis=1)[:, None])
     return np.where((normals * rough).sum(axis=1)[:, None] < 0, -normals, normals)
-
-
-@dataclass(frozen=True, eq=False)
-class _Placement:
-    """A rotation, perhaps with a mirror, and a translation."""
-
-    matrix: FloatArray
-    offset: FloatArray
-
-    @classmethod
-    def draw(cls, rng: Generator) -> _Placement:
-        angle = rng.uniform(0, 2 * np.pi)
-        cosine, sine = np.cos(angle), np.sin(angle)
-        turn = np.array([[cosine, -sine], [sine, cosine]])
-        mirror = np.diag([rng.choice([-1.0, 1.0]), 1.0])
-        return cls(turn @ mirror, rng.uniform(-50, 50, 2))
-
-    def points(self, points: FloatArray) -> FloatArray:
-        return np.asarray(points @ self.matrix.T + self.offset)
-
-    def directions(self, vectors: FloatArray) -> FloatArray:
-        return np.asarray(vectors @ self.matrix.T)

@@ -36,10 +36,13 @@ def door_leaves(doors: list[Cutout], rng: Generator, share: float) -> Pieces:
     return _clutter(segments, normals)
 
 
-def furniture(rooms: list[Polygon], rng: Generator, share: float, config: FittingConfig) -> Pieces:
-    """Return the mapped faces of boxes that stand about in some rooms."""
+def furniture(
+    rooms: list[Polygon], rng: Generator, share: float, config: FittingConfig
+) -> tuple[Pieces, list[Polygon]]:
+    """Return the mapped faces of boxes that stand about in some rooms, and the boxes."""
     segments: list[FloatArray] = []
     normals: list[FloatArray] = []
+    bodies: list[Polygon] = []
     for room in rooms:
         if rng.random() >= share or room.area < 6:
             continue
@@ -54,7 +57,8 @@ def furniture(rooms: list[Polygon], rng: Generator, share: float, config: Fittin
                 seen = rng.random(len(faces)) < 0.8
                 segments += list(faces[seen])
                 normals += list(-inwards[seen])
-    return _clutter(segments, normals)
+                bodies.append(body)
+    return _clutter(segments, normals), bodies
 
 
 def _clutter(segments: list, normals: list) -> Pieces:  # type: ignore[type-arg]

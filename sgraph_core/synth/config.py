@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, TypeVar
+from typing import Annotated, Literal, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-__all__ = ["BuildingConfig", "FittingConfig", "PlanConfig", "ViewConfig"]
+__all__ = ["BuildingConfig", "FittingConfig", "GridConfig", "PlanConfig", "ViewConfig"]
 
 
 def _ascending(interval: tuple[float, float]) -> tuple[float, float]:
@@ -29,6 +29,9 @@ Spacing = Annotated[float, Field(ge=0.5, le=200)]
 """Of what is repeated: the smaller, the more of it, and the longer a building takes."""
 Offset = Annotated[float, Field(ge=0, le=5)]
 Angle = Annotated[float, Field(ge=0, le=45)]
+Resolution = Annotated[float, Field(ge=0.02, le=0.5)]
+Density = Annotated[float, Field(ge=0, le=10)]
+Beams = Annotated[int, Field(ge=8, le=10_000)]
 
 
 class _Config(BaseModel):
@@ -170,6 +173,17 @@ class FittingConfig(_Config):
     window_spacing_m: Interval[Spacing] = Field(
         default=(1.5, 5.0), description="Length of outer wall for each window."
     )
+    curtain_share: Choices[Share] = Field(
+        default=(0.0, 0.0, 0.0, 0.2),
+        description="Outer walls of rooms that are windows between mullions from end to end; one "
+        "is drawn per building.",
+    )
+    mullion_m: Interval[Length] = Field(
+        default=(0.06, 0.15), description="Width of the mullions of such walls."
+    )
+    pane_m: Interval[Spacing] = Field(
+        default=(0.8, 2.5), description="Largest distance between them."
+    )
 
 
 class ViewConfig(_Config):
@@ -227,9 +241,97 @@ class ViewConfig(_Config):
     )
 
 
+class GridConfig(_Config):
+    """The occupancy grid that a robot, or a plan, leaves of the building.
+
+    A robot enters as many rooms and sees as far as the view says.
+    """
+
+    resolution_m: Choices[Resolution] = Field(
+        default=(0.05, 0.05, 0.1), description="Side of a cell; one is drawn per building."
+    )
+    margin_m: Interval[Offset] = Field(
+        default=(0.5, 4.0), description="How far the grid reaches beyond the building."
+    )
+    aligned_share: Share = Field(
+        default=0.5, description="Grids with rows along the building's walls; others lie any way."
+    )
+    outside_share: Share = Field(
+        default=0.2, description="Of buildings with mapped facades: the outside is known too."
+    )
+    cupboard_share: Choices[Share] = Field(
+        default=(0.0, 0.3, 0.8),
+        description="Rooms with furniture against the walls; one is drawn per building.",
+    )
+    cupboard_length_m: Interval[Length] = Field(
+        default=(0.4, 2.0), description="Length of such furniture along the wall."
+    )
+    cupboard_depth_m: Interval[Length] = Field(
+        default=(0.2, 0.8), description="How far such furniture stands out."
+    )
+    table_share: Choices[Share] = Field(
+        default=(0.0, 0.3, 0.8),
+        description="Rooms with tables and chairs, whose legs are seen; one is drawn per building.",
+    )
+    leg_side_m: Interval[Length] = Field(default=(0.03, 0.1), description="Sides of legs.")
+    speckles_per_m2: Choices[Density] = Field(
+        default=(0.0, 0.0, 0.02, 0.2),
+        description="Single known cells that became something else; one is drawn per building.",
+    )
+    drawn_share: Share = Field(
+        default=0.4,
+        description="Grids drawn from the plan, where all is known; others are scanned.",
+    )
+    drawn_walls: Choices[Literal["faces", "solid", "unknown"]] = Field(
+        default=("faces", "faces", "solid", "unknown"),
+        description="Of drawn grids: occupied are the walls' faces, whole walls, or nothing, and "
+        "walls are unknown; one is drawn per building.",
+    )
+    drawn_furniture: Choices[Literal["occupied", "unknown"]] = Field(
+        default=("occupied", "unknown"),
+        description="Of drawn grids: what furniture is; one is drawn per building.",
+    )
+    pose_spacing_m: Interval[Spacing] = Field(
+        default=(1.0, 3.0), description="Least distance between scans in a room."
+    )
+    beams: Choices[Beams] = Field(
+        default=(360, 720, 1440), description="Rays of a full turn; one is drawn per building."
+    )
+    range_noise_m: Choices[Offset] = Field(
+        default=(0.0, 0.01, 0.03),
+        description="Standard deviation of a ray's length; one is drawn per building.",
+    )
+    pose_noise_m: Choices[Offset] = Field(
+        default=(0.0, 0.01, 0.03),
+        description="Standard deviation of a scan's place in the map; one is drawn per building.",
+    )
+    pose_noise_deg: Choices[Angle] = Field(
+        default=(0.0, 0.0, 0.3),
+        description="Standard deviation of a scan's direction; one is drawn per building.",
+    )
+    glass_share: Choices[Share] = Field(
+        default=(0.0, 0.3, 1.0),
+        description="Rays that windows reflect rather than let out; one is drawn per building.",
+    )
+    clearing_share: Share = Field(
+        default=0.3, description="Grids in which rays that meet nothing free the cells they pass."
+    )
+    dark_share: Choices[Share] = Field(
+        default=(0.0, 0.0, 0.2),
+        description="Surfaces with a stretch that returns no ray; one is drawn per building.",
+    )
+    dark_m: Interval[Length] = Field(default=(0.05, 0.4), description="Length of such stretches.")
+    occupied_from: Part = Field(
+        default=0.25,
+        description="Share of the rays through or into a cell that end there, from which on it "
+        "is occupied.",
+    )
+
+
 class BuildingConfig(_Config):
     """A distribution of buildings and of their maps."""
 
     plan: PlanConfig = PlanConfig()
     fittings: FittingConfig = FittingConfig()
     view: ViewConfig = ViewConfig()
+    grid: GridConfig = GridConfig()

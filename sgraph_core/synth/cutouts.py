@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -17,7 +17,15 @@ from sgraph_core.synth.config import FittingConfig
 from sgraph_core.synth.pieces import SHORTEST_PIECE_M, Pieces
 from sgraph_core.synth.walls import THICKEST_M, WallGaps
 
-__all__ = ["Cutout", "border_cutouts", "cut", "draw_doors", "draw_windows", "junctions_behind"]
+__all__ = [
+    "Cutout",
+    "border_cutouts",
+    "cut",
+    "draw_doors",
+    "draw_windows",
+    "junctions_behind",
+    "openings",
+]
 
 DOOR_FRAME_M = 0.05
 """Doors stay this far from the ends of a wall."""
@@ -64,18 +72,28 @@ def draw_doors(
 
 
 def draw_windows(gaps: WallGaps, rng: Generator, config: FittingConfig) -> list[Cutout]:
-    """Draw rows of equal windows in some of the outer walls whose gaps are given."""
-    share = rng.choice(config.window_share)
+    """Draw windows in the outer walls whose gaps are given.
+
+    Some of them have rows of equal windows, others are glass from end to end but for mullions.
+    """
+    share, curtain_share = rng.choice(config.window_share), rng.choice(config.curtain_share)
     width, spacing = rng.uniform(*config.window_width_m), rng.uniform(*config.window_spacing_m)
+    mullion, pane = rng.uniform(*config.mullion_m), rng.uniform(*config.pane_m)
     windows = []
-    for gap in np.flatnonzero(rng.random(len(gaps)) < share):
+    for gap in range(len(gaps)):
         length = float(gaps.lengths[gap])
-        count = max(1, int(length / spacing))
-        fitting = min(width, length / count - 2 * WINDOW_PIER_M)
-        if fitting >= config.window_width_m[0]:
-            for number in range(count):
-                where = (number + 0.5) * length / count - fitting / 2
-                windows.append(_cutout(gaps, int(gap), where, fitting))
+        if rng.random() < curtain_share:
+            count = int(np.ceil(length / pane))
+            fitting, least = length / count - mullion, SHORTEST_PIECE_M
+        elif rng.random() < share:
+            count = max(1, int(length / spacing))
+            fitting = min(width, length / count - 2 * WINDOW_PIER_M)
+            least = config.window_width_m[0]
+        else:
+            continue
+        for number in range(count if fitting >= least else 0):
+            where = (number + 0.5) * length / count - fitting / 2
+            windows.append(_cutout(gaps, gap, where, fitting))
     return windows
 
 
@@ -136,3 +154,17 @@ def cut(walls: Pieces, cutouts: Iterable[Cutout]) -> Pieces:
             rows.append(row)
             segments.append([segment[0] + low * along, segment[0] + high * along])
     return walls.parts(rows, segments)
+
+
+def openings(cutouts: Sequence[Cutout], walls: Pieces) -> FloatArray:
+    """Return what cutouts of both sides of a wall take out of its body: corners in turn, [O, 4, 2].
+
+    The first edge lies on the side whose row comes first.
+    """
+    rings = np.empty((len(cutouts), 4, 2))
+    for ring, cutout in zip(rings, cutouts, strict=True):
+        for ends, row in zip((slice(0, 2), slice(3, 1, -1)), cutout.rows, strict=True):
+            start, along = walls.segments[row, 0], walls.segments[row, 1] - walls.segments[row, 0]
+            reach = (np.stack([cutout.start, cutout.end]) - start) @ along / (along @ along)
+            ring[ends] = start + reach[:, None] * along
+    return rings

@@ -19,10 +19,11 @@ from sgraph_core.synth.cutouts import (
     draw_doors,
     draw_windows,
     junctions_behind,
+    openings,
 )
 from sgraph_core.synth.pieces import NO_ROOM, Pieces
 from sgraph_core.synth.plan import Plan
-from sgraph_core.synth.polygons import all_edges, edges, grow, polygons_in
+from sgraph_core.synth.polygons import all_edges, grow, polygons_in
 from sgraph_core.synth.walls import wall_gaps
 
 __all__ = ["Floor", "draw_surfaces"]
@@ -34,22 +35,36 @@ class Floor:
 
     Attributes:
         rooms: each room's free space; columns and partitions are holes.
-        pieces: its surfaces, as far as cutouts leave them.
+        pieces: its surfaces that may be mapped, as far as cutouts leave them.
         passages: pairs of rooms that doors and open borders join, [D, 2].
         doorways: the middles of the passages, [D, 2].
+        outlines: of the building.
+        shell: the sides of its walls, facades included, as far as doors and windows leave them.
+        leaves: faces of open door leaves.
+        furniture: boxes that stand in the rooms.
+        doors: the openings through wall bodies that one can pass, [O, 4, 2]; the first edge of each
+            lies on one side of the wall, the third on the other.
+        windows: likewise those of windows; the first edge lies on a room's side.
+        panes: the windows' glass, as parts of the rooms' sides.
     """
 
     rooms: list[Polygon]
     pieces: Pieces
     passages: IntArray
     doorways: FloatArray
+    outlines: list[Polygon]
+    shell: Pieces
+    leaves: Pieces
+    furniture: list[Polygon]
+    doors: FloatArray
+    windows: FloatArray
+    panes: Pieces
 
 
 def draw_surfaces(plan: Plan, rng: Generator, config: FittingConfig) -> Floor:
     """Build a plan: cut doors and windows, and put clutter into it."""
-    walls = Pieces.joined(
-        _sides(plan.rooms), _facades(plan.rooms, rng.uniform(*config.facade_thickness_m))
-    )
+    outlines = _outlines(plan.rooms, rng.uniform(*config.facade_thickness_m))
+    walls = Pieces.joined(_sides(plan.rooms), _facades(outlines))
     facade_mapped = rng.random() < config.facade_share
     gaps = wall_gaps(walls.segments, walls.normals)
     outer = walls.facades[gaps.one] != walls.facades[gaps.two]
@@ -59,13 +74,26 @@ def draw_surfaces(plan: Plan, rng: Generator, config: FittingConfig) -> Floor:
     doors = draw_doors(gaps, walls, rng, config)
     borders = border_cutouts(walls, plan.open_borders)
     behind = junctions_behind(gaps, len(walls), rng, rng.choice(config.broken_behind_share))
-    shell = cut(walls, [*doors, *windows, *borders, *behind])
-    pieces = Pieces.joined(
-        shell if facade_mapped else shell.take(~shell.facades),
-        door_leaves(doors, rng, rng.choice(config.door_leaf_share)),
-        furniture(plan.rooms, rng, rng.choice(config.furnished_share), config),
+    broken = cut(walls, [*doors, *windows, *borders, *behind])
+    leaves = door_leaves(doors, rng, rng.choice(config.door_leaf_share))
+    faces, boxes = furniture(plan.rooms, rng, rng.choice(config.furnished_share), config)
+    mapped = broken if facade_mapped else broken.take(~broken.facades)
+    passages, doorways = _passages([*doors, *borders], walls)
+    return Floor(
+        rooms=plan.rooms,
+        pieces=Pieces.joined(mapped, leaves, faces),
+        passages=passages,
+        doorways=doorways,
+        outlines=outlines,
+        shell=cut(walls, [*doors, *windows, *borders]),
+        leaves=leaves,
+        furniture=boxes,
+        doors=openings(doors, walls),
+        windows=openings(windows, walls),
+        panes=walls.parts(
+            [window.rows[0] for window in windows], [[w.start, w.end] for w in windows]
+        ),
     )
-    return Floor(plan.rooms, pieces, *_passages([*doors, *borders], walls))
 
 
 def _sides(rooms: list[Polygon]) -> Pieces:
@@ -73,15 +101,17 @@ def _sides(rooms: list[Polygon]) -> Pieces:
     return Pieces(segments, normals, owners, np.ones(len(owners), bool))
 
 
-def _facades(rooms: list[Polygon], thickness_m: float) -> Pieces:
-    """Return the outer faces of the building: its rooms grown by the outer walls."""
+def _outlines(rooms: list[Polygon], thickness_m: float) -> list[Polygon]:
+    """Return the outlines of the building: its rooms grown by the outer walls."""
     grown = shapely.union_all([grow(room, thickness_m) for room in rooms])
-    closed = grow(grow(grown, 0.2), -0.2)
-    faces = [edges(_simple(body)) for body in polygons_in(closed)]
-    segments = np.concatenate([segments for segments, _ in faces])
-    normals = np.concatenate([normals for _, normals in faces])
+    return [_simple(body) for body in polygons_in(grow(grow(grown, 0.2), -0.2))]
+
+
+def _facades(outlines: list[Polygon]) -> Pieces:
+    """Return the outer faces of the building."""
+    segments, inwards, _ = all_edges(outlines)
     count = len(segments)
-    return Pieces(segments, -normals, np.full(count, NO_ROOM), np.ones(count, bool))
+    return Pieces(segments, -inwards, np.full(count, NO_ROOM), np.ones(count, bool))
 
 
 def _simple(body: Polygon) -> Polygon:

@@ -7,6 +7,7 @@ import numpy as np
 import shapely
 from numpy.random import Generator
 from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
 
 from sgraph_concepts.types import FloatArray
 from sgraph_core.synth.config import ViewConfig
@@ -24,12 +25,13 @@ OUTSIDE_SPACING_M = 4.0
 def draw_poses(floor: Floor, rng: Generator, config: ViewConfig) -> FloatArray:
     """Return from where a robot maps a floor, [K, 2].
 
-    It enters some of the rooms; its poses are in them and in the doors between them. Where facades
-    are mapped, it also drives around the building.
+    It enters some of the rooms; its poses are in them, beside the furniture, and in the doors
+    between them. Where facades are mapped, it also drives around the building.
     """
     visited = _visited(floor, rng, rng.uniform(*config.visited_share))
     spacing = rng.uniform(*config.pose_spacing_m)
-    poses = [_poses_in(floor.rooms[room], spacing, rng) for room in visited]
+    furniture = shapely.union_all(floor.furniture)
+    poses = [_poses_in(floor.rooms[room], furniture, spacing, rng) for room in visited]
     passed = np.isin(floor.passages, visited).all(axis=1)
     poses.append(floor.doorways[passed])
     if floor.pieces.facades.any():
@@ -51,11 +53,14 @@ def _visited(floor: Floor, rng: Generator, share: float) -> list[int]:
     return list(order)[: int(np.ceil(share * len(order)))]
 
 
-def _poses_in(room: Polygon, spacing_m: float, rng: Generator) -> FloatArray:
-    """Return points all over a room, apart by the spacing and clear of its walls."""
-    free = grow(room, -ROBOT_RADIUS_M)
+def _poses_in(
+    room: Polygon, furniture: BaseGeometry, spacing_m: float, rng: Generator
+) -> FloatArray:
+    """Return points all over a room, apart by the spacing and clear of walls and furniture."""
+    beside = room.difference(furniture)
+    free = grow(beside, -ROBOT_RADIUS_M)
     if free.is_empty:
-        return shapely.get_coordinates(room.representative_point())
+        return shapely.get_coordinates(beside.representative_point())
     west, south, east, north = free.bounds
     count = 8 + int(4 * (east - west) * (north - south) / spacing_m**2)
     candidates = rng.uniform([west, south], [east, north], (count, 2))

@@ -51,6 +51,12 @@ class TrainingConfig(BaseModel):
     )
     hidden: int = Field(default=48, ge=1, description="Width of the embeddings.")
     layers: int = Field(default=2, ge=1, description="Layers of the encoder.")
+    grid_share: float = Field(
+        default=0.0,
+        ge=0,
+        le=1,
+        description="Floors that are rendered as a grid, from which their surfaces are extracted.",
+    )
     building: BuildingConfig = Field(
         default=BuildingConfig(), description="The distribution of the buildings."
     )

@@ -20,9 +20,11 @@ from sgraph_concepts.types import BuildingTruth, IntArray, Scene
 from sgraph_core.concepts import installed
 from sgraph_core.features import edge_features, edge_index, node_features
 from sgraph_core.files import write_whole
+from sgraph_core.grid.extraction import extract
 from sgraph_core.preprocess import preprocess
 from sgraph_core.proximity import build_scene
 from sgraph_core.synth.building import draw_building
+from sgraph_core.synth.robot_grid import draw_grid_building
 from sgraph_core.training.config import TrainingConfig
 
 __all__ = ["Progress", "Sample", "make_samples", "sample_floor"]
@@ -94,13 +96,11 @@ def sample_floor(
     Raises:
         ConceptError: a labeller returned nonsense.
     """
+    draw = _draw_grid if rng.random() < config.grid_share else _draw_surfaces
     while True:
-        building = draw_building(rng, config.building)
-        fragments = preprocess(building.graph("floor").wall_surfaces.ordered())
-        scene = build_scene(fragments.surfaces, config.neighbours)
+        scene, truth = draw(rng, config)
         if len(scene.pairs):
             break
-    truth = building.truth(fragments.surfaces)
     labels = {name: _labels(name, truth, scene, registry) for name in concepts}
     return Sample(
         node_features(scene, config.features),
@@ -108,6 +108,21 @@ def sample_floor(
         edge_features(scene, config.features),
         labels,
     )
+
+
+def _draw_surfaces(rng: np.random.Generator, config: TrainingConfig) -> tuple[Scene, BuildingTruth]:
+    """Draw a building that is mapped as surfaces."""
+    building = draw_building(rng, config.building)
+    surfaces = preprocess(building.graph("floor").wall_surfaces.ordered()).surfaces
+    return build_scene(surfaces, config.neighbours), building.truth(surfaces)
+
+
+def _draw_grid(rng: np.random.Generator, config: TrainingConfig) -> tuple[Scene, BuildingTruth]:
+    """Draw a building that is mapped as a grid, and extract its surfaces."""
+    building = draw_grid_building(rng, config.building)
+    surfaces = preprocess(extract(building.grid).wall_surfaces.ordered()).surfaces
+    scene = build_scene(surfaces, config.neighbours, building.grid)
+    return scene, building.truth(surfaces)
 
 
 def _labels(name: str, truth: BuildingTruth, scene: Scene, registry: Registry) -> NDArray[np.bool_]:

@@ -14,7 +14,13 @@ from sgraph_core.evaluation.scores import score_floor
 from sgraph_core.preprocess import preprocess
 from sgraph_core.settings import read_settings
 from sgraph_core.synth.building import Building, draw_building
-from sgraph_core.synth.config import BuildingConfig, FittingConfig, PlanConfig, ViewConfig
+from sgraph_core.synth.config import (
+    BuildingConfig,
+    FittingConfig,
+    GridConfig,
+    PlanConfig,
+    ViewConfig,
+)
 from sgraph_core.synth.plan import draw_plan
 
 CLEAN = BuildingConfig(
@@ -191,5 +197,5 @@ def test_offices_have_straight_corridors_or_a_ring_around_a_core() -> None:
 
 
 def test_every_ingredient_is_described() -> None:
-    for model in (PlanConfig, FittingConfig, ViewConfig):
+    for model in (PlanConfig, FittingConfig, ViewConfig, GridConfig):
         assert [n for n, f in model.model_fields.items() if not f.description] == []

@@ -31,6 +31,7 @@ CLOSED = FittingConfig(
     facade_share=0.0,
     furnished_share=(0.0,),
     window_share=(0.0,),
+    curtain_share=(0.0,),
 )
 
 
@@ -131,3 +132,17 @@ def test_windows_interrupt_only_walls_with_the_outside_behind_them(facade_share:
                 assert not building.contains(behind)
         assert pieces.facades.any() == (facade_share == 1.0)
     assert windows > 100
+
+
+def test_a_curtain_wall_is_mullions_from_end_to_end() -> None:
+    fittings = CLOSED.model_copy(
+        update={"curtain_share": (1.0,), "mullion_m": (0.12, 0.12), "pane_m": (1.0, 1.0)}
+    )
+    room = Polygon([(0, 0), (6, 0), (6, 4.5), (0, 4.5)])
+    floor = draw_surfaces(Plan([room], np.empty((0, 2, 2))), np.random.default_rng(0), fittings)
+    lengths = np.linalg.norm(floor.pieces.segments[:, 1] - floor.pieces.segments[:, 0], axis=1)
+    mullions = 2 * (5 + 4)  # between 6 panes and between 5; the halves at the corners
+    halves = 8
+    assert np.sort(lengths) == pytest.approx([0.06] * halves + [0.12] * mullions)
+    assert len(floor.panes) == len(floor.windows) == 2 * (6 + 5)
+    assert (floor.panes.rooms == 0).all()

@@ -102,7 +102,11 @@ def test_a_column_hides_what_is_behind_it() -> None:
 
 def test_behind_closed_doors_a_robot_maps_the_rooms_that_it_enters() -> None:
     closed = FittingConfig(
-        door_share=(0.0,), window_share=(0.0,), facade_share=0.0, furnished_share=(0.0,)
+        door_share=(0.0,),
+        window_share=(0.0,),
+        curtain_share=(0.0,),
+        facade_share=0.0,
+        furnished_share=(0.0,),
     )
     plan = SMALL.model_copy(update={"open_plan_share": (0.0,)})
     for seed in range(8):
@@ -178,3 +182,14 @@ def test_walls_are_true_however_far_their_sides_have_drifted() -> None:
         far_apart += int((shapely.distance(one, two) > 0.7).sum())
         assert set(drawn.pieces.rooms.tolist()) <= set(range(-1, len(drawn.polygons)))
     assert far_apart > 0
+
+
+def test_no_pose_lies_in_furniture() -> None:
+    crowded = FittingConfig(furnished_share=(1.0,), furniture_size_m=(0.8, 1.2))
+    standing = 0
+    for seed in range(8):
+        built = floor(seed, crowded)
+        poses = draw_poses(built, np.random.default_rng(seed), ViewConfig(pose_spacing_m=(0.5, 1)))
+        standing += len(built.furniture)
+        assert not shapely.contains_xy(shapely.union_all(built.furniture), poses).any()
+    assert standing > 30

@@ -19,7 +19,7 @@ from sgraph_core.detector import Detector
 from sgraph_core.network.runtime import Network
 from sgraph_core.proximity import build_scene
 from sgraph_core.settings import read_settings
-from sgraph_core.synth.config import BuildingConfig, PlanConfig
+from sgraph_core.synth.config import BuildingConfig, GridConfig, PlanConfig
 from sgraph_core.training import trainer
 from sgraph_core.training.config import TrainingConfig, config_file
 from sgraph_core.training.samples import sample_floor
@@ -228,3 +228,18 @@ def test_labels_cover_true_pairs_among_the_scenes_pairs() -> None:
     assert sample.labels["room"].shape == sample.labels["wall"].shape == (count,)
     assert 0 < sample.labels["room"].mean() < 1
     assert not (sample.labels["room"] & sample.labels["wall"]).any()
+
+
+def test_a_share_of_the_floors_is_extracted_from_grids() -> None:
+    plan = PlanConfig(floor_area_m2=(100.0, 150.0), corridor_share=0.0)
+    building = BuildingConfig(plan=plan, grid=GridConfig(drawn_share=1.0))
+    config = SMALL.model_copy(update={"grid_share": 1.0, "building": building})
+    surfaces = config.model_copy(update={"grid_share": 0.0})
+    extracted, drawn = (
+        sample_floor(np.random.default_rng(4), one, ["room", "wall"], installed())
+        for one in (config, surfaces)
+    )
+    assert extracted.x.shape[1] == drawn.x.shape[1]
+    assert len(extracted.x) != len(drawn.x)
+    assert extracted.labels["room"].any()
+    assert extracted.labels["wall"].any()

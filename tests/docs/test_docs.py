@@ -13,7 +13,7 @@ from sgraph_concepts import hookspecs
 from sgraph_concepts.spec import ConceptSpec
 from sgraph_core.concepts import BUILTINS
 from sgraph_core.map_schema import MapRecord
-from sgraph_core.synth.config import FittingConfig, PlanConfig, ViewConfig
+from sgraph_core.synth.config import FittingConfig, GridConfig, PlanConfig, ViewConfig
 
 ROOT = Path(__file__).parent.parent.parent
 DOCS = ROOT / "docs"
@@ -23,7 +23,11 @@ def code_blocks(page: Path, language: str) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
 
 
-@pytest.mark.parametrize("page", [DOCS / "api.md", ROOT / "README.md"], ids=["api", "readme"])
+@pytest.mark.parametrize(
+    "page",
+    [DOCS / "api.md", DOCS / "slam.md", ROOT / "README.md"],
+    ids=["api", "slam", "readme"],
+)
 def test_the_pages_python_code_runs(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -74,7 +78,7 @@ def test_every_key_of_the_map_file_is_in_its_example() -> None:
 
 def test_every_ingredient_of_a_building_is_documented_with_its_default() -> None:
     text = (DOCS / "synthetic-buildings.md").read_text(encoding="utf-8")
-    for model in (PlanConfig, FittingConfig, ViewConfig):
+    for model in (PlanConfig, FittingConfig, ViewConfig, GridConfig):
         for name, field in model.model_fields.items():
             default = json.dumps(field.default)
             assert f"| `{name}` | {default} | {field.description} |" in text

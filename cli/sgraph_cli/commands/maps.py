@@ -33,14 +33,20 @@ def synth(
             "kind of layouts.",
         ),
     ] = None,
+    grid: Annotated[
+        bool,
+        typer.Option("--grid", help="Occupancy grids with labelled rooms: a folder per map."),
+    ] = False,
 ) -> None:
-    """Write synthetic buildings with their truth as map files."""
+    """Write synthetic buildings with their truth as map files, or as occupancy grids."""
     import numpy as np
 
     from sgraph_core.map_file import save
     from sgraph_core.settings import read_settings
     from sgraph_core.synth.building import draw_building
     from sgraph_core.synth.config import BuildingConfig
+    from sgraph_core.synth.grid_files import write_grid
+    from sgraph_core.synth.robot_grid import draw_grid_building
     from sgraph_core.training.config import PAPER, TrainingConfig, config_file
 
     if config == PAPER:
@@ -50,8 +56,10 @@ def synth(
     output.mkdir(parents=True, exist_ok=True)
     with progress() as report:
         for number in range(count):
-            building = draw_building(np.random.default_rng([seed, number]), building_config)
-            name = f"synthetic-{seed}-{number:05d}"
-            save(building.graph(name), output / f"{name}.json")
+            rng, name = np.random.default_rng([seed, number]), f"synthetic-{seed}-{number:05d}"
+            if grid:
+                write_grid(draw_grid_building(rng, building_config), output / name)
+            else:
+                save(draw_building(rng, building_config).graph(name), output / f"{name}.json")
             report("drawing buildings", number + 1, count)
     note(f"wrote {count} maps to {output}")
