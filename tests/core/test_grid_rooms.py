@@ -32,7 +32,7 @@ from sgraph_core.grid.painting import paint
 from sgraph_core.grid.passages import separated
 from sgraph_core.grid.polygons import polygons
 from sgraph_core.grid.reader import read_grid
-from sgraph_core.grid.regions import NOBODY, label_cells
+from sgraph_core.grid.regions import NOBODY, label_cells, spaces_faced
 from sgraph_core.rooms import adjacency
 from sgraph_plugins.room.cluster import cluster
 from sgraph_plugins.room.shape import shape
@@ -437,3 +437,10 @@ def test_one_room_has_a_way_between_all_that_it_covers(boxes: tuple[Box, ...], c
     scene = Scene(surfaces, np.zeros(2), pairs, nothing, nothing[:, None], grid=grid)
     rooms = cluster(ScoredEdges(pairs, np.full(len(pairs), 9.0)), scene)
     assert sorted(len(room.members) for room in rooms) == [len(surfaces) // count] * count
+
+
+def test_surfaces_in_line_wind_around_nothing() -> None:
+    grid = grid_of(200, 100, (10, 190, 10, 90))
+    in_line = surfaces_of(grid, [(10, 10), (30, 10), (60, 10), (90, 10)])
+    assert spaces_faced(in_line, grid, 2.0, 0.3).tolist() == [0, 0, 0]
+    assert (label_cells([in_line], grid) == NOBODY).all()
