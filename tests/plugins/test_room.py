@@ -20,7 +20,7 @@ from plans import (
     turned,
 )
 
-from sgraph_concepts.types import Scene, ScoredEdges
+from sgraph_concepts.types import Scene, ScoredEdges, SurfaceArrays
 from sgraph_core.detector import Detector, Scorer
 from sgraph_core.graph import SGraph
 from sgraph_core.proximity import build_scene
@@ -216,3 +216,26 @@ def test_any_surfaces_have_a_proper_outline_or_none(seed: int) -> None:
         graph.add_wall_surface(number, [start, end], [-along[1], along[0]])
     polygon = outline(graph.wall_surfaces.ordered())
     assert polygon is None or (polygon.is_valid and polygon.area > 0)
+
+
+@given(st.integers(0, 10_000), st.floats(-3, 3))
+@settings(max_examples=30, deadline=None)
+def test_an_outline_moves_and_turns_with_its_surfaces(seed: int, angle: float) -> None:
+    """Also where surfaces leave much open: then a face's winding number varies within it."""
+    rng = np.random.default_rng(seed)
+    graph = SGraph()
+    for number, direction in enumerate(np.sort(rng.uniform(0, 2 * np.pi, 6))):
+        towards = np.array([np.cos(direction), np.sin(direction)])
+        across = np.array([-towards[1], towards[0]])
+        middle = rng.uniform(1, 4) * towards
+        half = rng.uniform(0.3, 2) * across
+        graph.add_wall_surface(number, [middle - half, middle + half], -towards)
+    surfaces = graph.wall_surfaces.ordered()
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    moved = SurfaceArrays(
+        surfaces.ids, surfaces.segments @ turn.T + [60.0, -40.0], surfaces.normals @ turn.T
+    )
+    one, two = outline(surfaces), outline(moved)
+    assert (one is None) == (two is None)
+    if one is not None and two is not None:
+        assert two.area == pytest.approx(one.area, abs=1e-2)

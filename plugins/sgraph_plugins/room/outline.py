@@ -8,8 +8,8 @@ from functools import partial
 import numpy as np
 import shapely
 
-from sgraph_concepts.types import IntArray, Memory, SurfaceArrays
-from sgraph_core.geometry import dot, in_frames
+from sgraph_concepts.types import FloatArray, IntArray, Memory, SurfaceArrays
+from sgraph_core.geometry import Geometries, dot, in_frames
 from sgraph_core.winding import winding
 
 __all__ = ["outline", "outlines"]
@@ -69,10 +69,20 @@ def outline(surfaces: SurfaceArrays) -> shapely.Polygon | None:
     faces = faces[shapely.area(faces) > GRID_M]
     if not len(faces):
         return None
-    points = shapely.get_coordinates(shapely.point_on_surface(faces))
-    inside = faces[winding(surfaces.segments, points) > INSIDE]
+    inside = faces[winding(surfaces.segments, _middles(faces)) > INSIDE]
     whole = _largest(shapely.union_all(inside, grid_size=GRID_M))
     return None if whole is None else _without_needless_points(whole)
+
+
+def _middles(faces: Geometries) -> FloatArray:
+    """Return a point inside each face, [F, 2].
+
+    Lines that cut right through the hull leave convex faces, whose centroids move and turn with
+    the map. Only shorter ones leave others.
+    """
+    centroids = shapely.centroid(faces)
+    within = shapely.contains(faces, centroids)
+    return shapely.get_coordinates(np.where(within, centroids, shapely.point_on_surface(faces)))
 
 
 def _largest(area: shapely.Geometry) -> shapely.Polygon | None:
