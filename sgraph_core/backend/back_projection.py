@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import gtsam
 import numpy as np
@@ -12,7 +11,7 @@ import numpy as np
 from sgraph_concepts.spec import WALL_SURFACE
 from sgraph_concepts.types import ConceptNode, FloatArray, IntArray, NodeShape
 from sgraph_core.backend.keys import Keys
-from sgraph_core.backend.low_layers import LowLayers, pose3
+from sgraph_core.backend.low_layers import LowLayers, pose3, pose_row
 from sgraph_core.geometry import dot
 from sgraph_core.graph import SGraph
 
@@ -36,7 +35,7 @@ def moved(graph: SGraph, low: LowLayers, values: gtsam.Values, keys: Keys) -> SG
     before = [pose3(pose) for pose in table.poses]
     moves = [new.compose(old.inverse()) for new, old in zip(solved, before, strict=True)]
     segments, normals = _surfaces(graph, low, values, keys, moves)
-    poses = np.array([_pose_row(pose) for pose in solved])
+    poses = np.array([pose_row(pose) for pose in solved])
     result = graph.moved(poses, segments, normals)
     for name, nodes in graph.concepts.items():
         if graph.groups.get(name, WALL_SURFACE) == WALL_SURFACE:
@@ -138,14 +137,3 @@ def _distances(segments: FloatArray, points: FloatArray) -> FloatArray:
     offset = points[:, None] - segments[:, 0]
     share = np.clip(dot(offset, along) / dot(along, along), 0, 1)
     return np.asarray(np.linalg.norm(offset - share[:, :, None] * along, axis=2))
-
-
-def _pose_row(pose: gtsam.Pose3) -> list[float]:
-    quaternion: Any = pose.rotation().toQuaternion()  # gtsam's stubs know nothing of it
-    return [
-        *pose.translation().tolist(),
-        quaternion.x(),
-        quaternion.y(),
-        quaternion.z(),
-        quaternion.w(),
-    ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import Any
 
 import gtsam
 import networkx as nx
@@ -25,6 +26,7 @@ __all__ = [
     "hold",
     "low_layers",
     "pose3",
+    "pose_row",
     "vertical_planes",
     "world_planes",
 ]
@@ -174,6 +176,18 @@ def pose3(pose: FloatArray) -> gtsam.Pose3:
     size = float(np.linalg.norm(pose[3:]))
     rotation = gtsam.Rot3.Quaternion(qw / size, qx / size, qy / size, qz / size)
     return gtsam.Pose3(rotation, np.array([x, y, z]))
+
+
+def pose_row(pose: gtsam.Pose3) -> list[float]:
+    """Return a gtsam pose as x, y, z, qx, qy, qz, qw."""
+    quaternion: Any = pose.rotation().toQuaternion()  # gtsam's stubs know nothing of it
+    return [
+        *pose.translation().tolist(),
+        quaternion.x(),
+        quaternion.y(),
+        quaternion.z(),
+        quaternion.w(),
+    ]
 
 
 def world_planes(graph: SGraph) -> FloatArray:

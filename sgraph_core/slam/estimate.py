@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import gtsam
 import numpy as np
 from numpy.typing import ArrayLike
 
 from sgraph_concepts.types import FloatArray, IntArray
 from sgraph_core.backend.keys import Keys
+from sgraph_core.backend.low_layers import pose_row
 from sgraph_core.graph import SGraph
 
 __all__ = ["Moves", "moves"]
@@ -33,7 +32,7 @@ def moves(graph: SGraph, keys: Keys, values: gtsam.Values) -> Moves:
     poses = table.poses.copy()
     held = [k for k, i in enumerate(table.ids.tolist()) if values.exists(keys.keyframe(i))]
     for k in held:
-        poses[k] = _pose_row(values.atPose3(keys.keyframe(int(table.ids[k]))))
+        poses[k] = pose_row(values.atPose3(keys.keyframe(int(table.ids[k]))))
     observed = np.unique(graph.observations.surface_ids)
     there = [values.exists(keys.surface(i)) for i in observed.tolist()]
     surfaces = observed[np.array(there, bool)]
@@ -73,14 +72,3 @@ def _carried(graph: SGraph, poses: FloatArray, surfaces: IntArray) -> FloatArray
     total = np.zeros_like(segments)
     np.add.at(total, place, taken[..., :2])
     return np.asarray(total / np.bincount(place, minlength=len(segments))[:, None, None])
-
-
-def _pose_row(pose: gtsam.Pose3) -> list[float]:
-    quaternion: Any = pose.rotation().toQuaternion()  # gtsam's stubs know nothing of it
-    return [
-        *pose.translation().tolist(),
-        quaternion.x(),
-        quaternion.y(),
-        quaternion.z(),
-        quaternion.w(),
-    ]
