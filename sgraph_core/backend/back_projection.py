@@ -11,11 +11,11 @@ import numpy as np
 from sgraph_concepts.spec import WALL_SURFACE
 from sgraph_concepts.types import ConceptNode, FloatArray, IntArray, NodeShape
 from sgraph_core.backend.keys import Keys
-from sgraph_core.backend.low_layers import LowLayers, pose3, pose_row
+from sgraph_core.backend.low_layers import LowLayers, pose_row
 from sgraph_core.geometry import dot
 from sgraph_core.graph import SGraph
 
-__all__ = ["moved"]
+__all__ = ["carried", "moved", "planes_of"]
 
 NEAR_M = 0.5
 """A corner of an outline follows the members that pass this close to it."""
@@ -30,12 +30,10 @@ def moved(graph: SGraph, low: LowLayers, values: gtsam.Values, keys: Keys) -> SG
     endpoints), then put onto its plane, so that it also moves lengthwise. Centres, outlines and
     thicknesses of nodes follow the planes of their members; see :func:`_followed`.
     """
-    table = graph.keyframes
-    solved = [values.atPose3(keys.keyframe(i)) for i in table.ids.tolist()]
-    before = [pose3(pose) for pose in table.poses]
-    moves = [new.compose(old.inverse()) for new, old in zip(solved, before, strict=True)]
-    segments, normals = _surfaces(graph, low, values, keys, moves)
-    poses = np.array([pose_row(pose) for pose in solved])
+    poses = np.array(
+        [pose_row(values.atPose3(keys.keyframe(i))) for i in graph.keyframes.ids.tolist()]
+    )
+    segments, normals = _surfaces(graph, low, values, keys, poses)
     result = graph.moved(poses, segments, normals)
     for name, nodes in graph.concepts.items():
         if graph.groups.get(name, WALL_SURFACE) == WALL_SURFACE:
@@ -44,26 +42,65 @@ def moved(graph: SGraph, low: LowLayers, values: gtsam.Values, keys: Keys) -> SG
 
 
 def _surfaces(
-    graph: SGraph,
-    low: LowLayers,
-    values: gtsam.Values,
-    keys: Keys,
-    moves: Sequence[gtsam.Pose3],
+    graph: SGraph, low: LowLayers, values: gtsam.Values, keys: Keys, poses: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    matrices = np.array([move.matrix()[:2] for move in moves])
-    segments = graph.wall_surfaces.segments.copy()
-    normals = graph.wall_surfaces.normals.copy()
-    for row, surface in enumerate(graph.wall_surfaces.ids.tolist()):
-        if surface not in low.observers:
-            continue
-        rows = list(low.observers[surface])
-        mean = matrices[rows].mean(axis=0)
-        carried = segments[row] @ mean[:, :2].T + mean[:, 3]
-        plane = values.atOrientedPlane3(keys.surface(surface)).planeCoefficients()
-        size = np.linalg.norm(plane[:2])
-        normals[row], offset = plane[:2] / size, plane[3] / size
-        segments[row] = carried - np.outer(carried @ normals[row] + offset, normals[row])
+    table = graph.wall_surfaces
+    segments, normals = table.segments.copy(), table.normals.copy()
+    observed = [row for row, i in enumerate(table.ids.tolist()) if i in low.observers]
+    if observed:
+        surfaces = table.ids[observed].tolist()
+        counts = [len(low.observers[i]) for i in surfaces]
+        seen = np.repeat(np.arange(len(surfaces)), counts)
+        by = np.array([row for i in surfaces for row in low.observers[i]], np.int64)
+        planes = planes_of(values, keys, surfaces)
+        segments[observed], normals[observed] = carried(
+            segments[observed], seen, by, graph.keyframes.poses, poses, planes
+        )
     return segments, normals
+
+
+def planes_of(values: gtsam.Values, keys: Keys, surfaces: Sequence[int]) -> FloatArray:
+    """Return the planes that values hold of surfaces, nx, ny, nz, d, [N, 4]."""
+    planes = [values.atOrientedPlane3(keys.surface(i)).planeCoefficients() for i in surfaces]
+    return np.array(planes).reshape(-1, 4)
+
+
+def carried(
+    segments: FloatArray,
+    seen: IntArray,
+    by: IntArray,
+    before: FloatArray,
+    after: FloatArray,
+    planes: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return segments as the keyframes that observed them carry them along, put onto their planes.
+
+    Each keyframe takes a point rigidly from its old pose to its new one; the mean counts.
+
+    Args:
+        segments: of N surfaces, [N, 2, 2].
+        seen: row of the surface of each of O observations, [O].
+        by: row of the keyframe of each, [O].
+        before: poses of K keyframes where the segments are right, [K, 7].
+        after: the same keyframes' poses now, [K, 7].
+        planes: where the surfaces belong, [N, 4].
+
+    Returns:
+        Segments [N, 2, 2] and normals [N, 2].
+    """
+    from scipy.spatial.transform import Rotation
+
+    turn = (Rotation.from_quat(after[:, 3:]) * Rotation.from_quat(before[:, 3:]).inv()).as_matrix()
+    points = np.concatenate([segments, np.zeros((len(segments), 2, 1))], axis=2)[seen]
+    taken = np.einsum("oij,opj->opi", turn[by], points - before[by, None, :3])
+    taken += after[by, None, :3]
+    total = np.zeros_like(segments)
+    np.add.at(total, seen, taken[..., :2])
+    mean = total / np.bincount(seen, minlength=len(segments))[:, None, None]
+    size = np.linalg.norm(planes[:, :2], axis=1)
+    normals, offsets = planes[:, :2] / size[:, None], planes[:, 3] / size
+    off = (mean @ normals[:, :, None])[..., 0] + offsets[:, None]
+    return np.asarray(mean - off[..., None] * normals[:, None]), np.asarray(normals)
 
 
 def _followed(node: ConceptNode, before: SGraph, after: SGraph) -> ConceptNode:

@@ -6,7 +6,8 @@ import gtsam
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sgraph_concepts.types import FloatArray, IntArray
+from sgraph_concepts.types import IntArray
+from sgraph_core.backend.back_projection import carried, planes_of
 from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.low_layers import pose_row
 from sgraph_core.graph import SGraph
@@ -36,14 +37,15 @@ def moves(graph: SGraph, keys: Keys, values: gtsam.Values) -> Moves:
     observed = np.unique(graph.observations.surface_ids)
     there = [values.exists(keys.surface(i)) for i in observed.tolist()]
     surfaces = observed[np.array(there, bool)]
-    planes = np.array(
-        [values.atOrientedPlane3(keys.surface(i)).planeCoefficients() for i in surfaces.tolist()]
-    ).reshape(-1, 4)
-    size = np.linalg.norm(planes[:, :2], axis=1)
-    normals, offsets = planes[:, :2] / size[:, None], planes[:, 3] / size
-    segments = _carried(graph, poses, surfaces)
-    off = (segments @ normals[:, :, None])[..., 0] + offsets[:, None]
-    segments = segments - off[..., None] * normals[:, None]
+    seen, by = _observations(graph, surfaces)
+    segments, normals = carried(
+        graph.wall_surfaces.segments[[graph.surface_row(i) for i in surfaces.tolist()]],
+        seen,
+        by,
+        table.poses,
+        poses,
+        planes_of(values, keys, surfaces.tolist()),
+    )
     moved = zip(surfaces.tolist(), segments, normals, strict=True)
     return (
         {int(table.ids[k]): poses[k] for k in held},
@@ -51,24 +53,10 @@ def moves(graph: SGraph, keys: Keys, values: gtsam.Values) -> Moves:
     )
 
 
-def _carried(graph: SGraph, poses: FloatArray, surfaces: IntArray) -> FloatArray:
-    """Return surfaces' segments as the keyframes that observed them carry them along, [N, 2, 2].
-
-    Each keyframe takes a point rigidly from its old pose to its new one; the mean counts.
-    """
-    from scipy.spatial.transform import Rotation
-
-    before = graph.keyframes.poses
-    turn = (Rotation.from_quat(poses[:, 3:]) * Rotation.from_quat(before[:, 3:]).inv()).as_matrix()
-    seen = graph.observations
-    rows = np.isin(seen.surface_ids, surfaces)
-    place = np.searchsorted(surfaces, seen.surface_ids[rows])
-    order = np.argsort(graph.keyframes.ids)
-    by = order[np.searchsorted(graph.keyframes.ids, seen.keyframe_ids[rows], sorter=order)]
-    segments = graph.wall_surfaces.segments[[graph.surface_row(i) for i in surfaces.tolist()]]
-    points = np.concatenate([segments, np.zeros((len(segments), 2, 1))], axis=2)[place]
-    taken = np.einsum("oij,opj->opi", turn[by], points - before[by, None, :3])
-    taken += poses[by, None, :3]
-    total = np.zeros_like(segments)
-    np.add.at(total, place, taken[..., :2])
-    return np.asarray(total / np.bincount(place, minlength=len(segments))[:, None, None])
+def _observations(graph: SGraph, surfaces: IntArray) -> tuple[IntArray, IntArray]:
+    """Return place among sorted surfaces and row of the keyframe of all observations of them."""
+    observations, ids = graph.observations, graph.keyframes.ids
+    rows = np.isin(observations.surface_ids, surfaces)
+    order = np.argsort(ids)
+    by = order[np.searchsorted(ids, observations.keyframe_ids[rows], sorter=order)]
+    return np.searchsorted(surfaces, observations.surface_ids[rows]), by
