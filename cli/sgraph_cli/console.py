@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Protocol
 
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 __all__ = [
     "ProgressReport",
     "note",
+    "print_markdown",
     "print_table",
     "progress",
     "warn_about_plugins",
@@ -35,6 +36,21 @@ class ProgressReport(Protocol):
 def print_table(table: Table) -> None:
     """Print a rich table to stdout; piped, it is as wide as it needs to be."""
     _stdout().print(table)
+
+
+def print_markdown(
+    columns: Iterable[str], rows: Iterable[Iterable[str]], *, named: bool = False
+) -> None:
+    """Print a table of numbers in Markdown; its first column may hold the names of the rows."""
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.MARKDOWN)
+    for number, column in enumerate(columns):
+        table.add_column(column, justify="left" if named and number == 0 else "right")
+    for row in rows:
+        table.add_row(*row)
+    print_table(table)
 
 
 def _stdout() -> Console:

@@ -8,7 +8,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sgraph_cli.console import print_table, progress, warnings_as_notes
+from sgraph_cli.console import print_markdown, progress, warnings_as_notes
 
 if TYPE_CHECKING:
     from sgraph_core.detector import Detector
@@ -66,15 +66,7 @@ def evaluate_grids(
 
 def print_grid_scores(rows: Sequence[Mapping[str, float | str]]) -> None:
     """Print a table of the maps' scores, a line per record."""
-    from rich import box
-    from rich.table import Table
-
-    table = Table(box=box.MARKDOWN)
-    for key, title in COLUMNS.items():
-        table.add_column(title, justify="left" if key == "map" else "right")
-    for row in rows:
-        table.add_row(*(cell(row[key]) for key in COLUMNS))
-    print_table(table)
+    print_markdown(COLUMNS.values(), ([cell(row[k]) for k in COLUMNS] for row in rows), named=True)
 
 
 def cell(value: float | str) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sgraph_cli.console import note, print_table, progress, warn_about_plugins
+from sgraph_cli.console import note, print_markdown, progress, warn_about_plugins
 
 if TYPE_CHECKING:
     from sgraph_core.evaluation.slam.drives import Conditions, Drive
@@ -28,9 +28,6 @@ def speed(
     seed: Annotated[int, typer.Option(min=0, help="Of the synthetic maps.")] = 0,
 ) -> None:
     """Time the stages of inference on synthetic maps, on one thread."""
-    from rich import box
-    from rich.table import Table
-
     from sgraph_core.detector import Detector
     from sgraph_core.evaluation.speed import SIZES, growth, time_stages
 
@@ -42,21 +39,20 @@ def speed(
         for done, stage_times in enumerate(time_stages(detector, sizes, repeats, seed), start=1):
             times.append(stage_times)
             report("timing", done, len(sizes))
-    table = Table(box=box.MARKDOWN)
-    for column in (
+    columns = (
         "surfaces", "preprocessing [ms]", "features [ms]", "forward pass [ms]",
         "features / forward pass", "whole inference [ms]",
-    ):  # fmt: skip
-        table.add_column(column, justify="right")
-    for t in times:
-        stages = (t.preprocessing, t.features, t.forward)
-        table.add_row(
+    )  # fmt: skip
+    rows = [
+        (
             str(t.surfaces),
-            *(f"{1e3 * seconds:.1f}" for seconds in stages),
+            *(f"{1e3 * seconds:.1f}" for seconds in (t.preprocessing, t.features, t.forward)),
             f"{t.features / t.forward:.1f}",
             f"{1e3 * t.total:.1f}",
         )
-    print_table(table)
+        for t in times
+    ]
+    print_markdown(columns, rows)
     if len(set(sizes)) > 1:
         typer.echo(f"whole inference grows with surfaces to the power of {growth(times):.2f}")
 
@@ -72,9 +68,6 @@ def updates(
     """Time updates keyframe by keyframe at the end of drives through grids of rooms."""
     from dataclasses import astuple
 
-    from rich import box
-    from rich.table import Table
-
     from sgraph_core.detector import Detector
     from sgraph_core.evaluation.incremental import ROOMS, time_updates
 
@@ -86,20 +79,19 @@ def updates(
         for done, update_times in enumerate(time_updates(detector, sizes, seed), start=1):
             times.append(update_times)
             report("timing", done, len(sizes))
-    table = Table(box=box.MARKDOWN)
-    for column in (
+    columns = (
         "rooms", "update [ms]", "ISAM2 [ms]", "whole inference instead [ms]",
         "surfaces preprocessed", "pairs looked at", "rows of the network", "rows clustered",
-    ):  # fmt: skip
-        table.add_column(column, justify="right")
-    for t in times:
-        stages = (t.inference, t.optimisation, t.whole)
-        table.add_row(
+    )  # fmt: skip
+    rows = [
+        (
             str(t.rooms),
-            *(f"{1e3 * seconds:.1f}" for seconds in stages),
+            *(f"{1e3 * seconds:.1f}" for seconds in (t.inference, t.optimisation, t.whole)),
             *map(str, astuple(t.work)),
         )
-    print_table(table)
+        for t in times
+    ]
+    print_markdown(columns, rows)
     first, last = times[0], times[-1]
     if last.rooms != first.rooms:
         ratio = (last.inference + last.optimisation) / (first.inference + first.optimisation)
@@ -118,29 +110,27 @@ def solve(
     seed: Annotated[int, typer.Option(min=0, help="Of the blocks.")] = 0,
 ) -> None:
     """Time batch optimisation of blocks of rooms, with the concepts' factors and without."""
-    from rich import box
-    from rich.table import Table
-
     from sgraph_core.evaluation.block import time_optimization
 
     sizes = rooms or [20, 300, 1000]
-    table = Table(box=box.MARKDOWN)
-    for column in (
+    columns = (
         "rooms", "planes only [s]", "iterations", "with rooms and walls [s]", "iterations", "ratio",
-    ):  # fmt: skip
-        table.add_column(column, justify="right")
+    )  # fmt: skip
+    rows = []
     with progress() as report:
         for done, t in enumerate(time_optimization(sizes, repeats, seed), start=1):
             report("optimising", done, len(sizes))
-            table.add_row(
-                str(t.rooms),
-                f"{t.planes:.2f}",
-                str(t.plane_iterations),
-                f"{t.concepts:.2f}",
-                str(t.concept_iterations),
-                f"{t.concepts / t.planes:.2f}",
+            rows.append(
+                (
+                    str(t.rooms),
+                    f"{t.planes:.2f}",
+                    str(t.plane_iterations),
+                    f"{t.concepts:.2f}",
+                    str(t.concept_iterations),
+                    f"{t.concepts / t.planes:.2f}",
+                )
             )
-    print_table(table)
+    print_markdown(columns, rows)
 
 
 Seeds = Annotated[int, typer.Option(min=1, help="Drives per scene or log, with seeds from 0.")]
@@ -222,9 +212,6 @@ def _compare(
     *,
     paper: bool,
 ) -> None:
-    from rich import box
-    from rich.table import Table
-
     from sgraph_core.concepts import installed
     from sgraph_core.evaluation.slam.results import Store
     from sgraph_core.evaluation.slam.study import run_study, settings
@@ -239,9 +226,4 @@ def _compare(
         note(f"wrote {len(results)} results to {json_}")
     for content in tables(results, paper):
         typer.echo(f"\n{content.title}\n")
-        table = Table(box=box.MARKDOWN)
-        for number, column in enumerate(content.columns):
-            table.add_column(column, justify="left" if number == 0 else "right")
-        for row in content.rows:
-            table.add_row(*row)
-        print_table(table)
+        print_markdown(content.columns, content.rows, named=True)

@@ -19,7 +19,7 @@ from sgraph_cli.arguments import (
     warn_about_absent,
     warn_about_lists,
 )
-from sgraph_cli.console import print_table, progress
+from sgraph_cli.console import print_markdown, progress
 from sgraph_cli.grid_scores import Classic, cell, evaluate_grids, print_grid_scores
 
 if TYPE_CHECKING:
@@ -185,12 +185,4 @@ COLUMNS = {
 
 def print_scores(rows: Sequence[dict[str, float | int | str]]) -> None:
     """Print a table of rooms and walls, a line per record."""
-    from rich import box
-    from rich.table import Table
-
-    table = Table(box=box.MARKDOWN)
-    for key, title in COLUMNS.items():
-        table.add_column(title, justify="left" if key == "source" else "right")
-    for row in rows:
-        table.add_row(*(cell(row[key]) for key in COLUMNS))
-    print_table(table)
+    print_markdown(COLUMNS.values(), ([cell(row[k]) for k in COLUMNS] for row in rows), named=True)
