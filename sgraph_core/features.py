@@ -104,12 +104,12 @@ def edge_index(scene: Scene) -> NDArray[np.int64]:
     return np.stack([np.concatenate([two, one]), np.concatenate([one, two])])
 
 
-def node_features(scene: Scene, features: FeatureSet = "visibility") -> Float32Array:
+def node_features(scene: Scene, features: FeatureSet = "support") -> Float32Array:
     """Return the features of the nodes, [N, len(NODE_FEATURES[features])]."""
     return _NODE_COLUMNS[features](scene).astype(np.float32)
 
 
-def edge_features(scene: Scene, features: FeatureSet = "visibility") -> Float32Array:
+def edge_features(scene: Scene, features: FeatureSet = "support") -> Float32Array:
     """Return the features of the edges in both directions, [2E, len(EDGE_FEATURES[features])]."""
     j, i = edge_index(scene)
     return _EDGE_COLUMNS[features](scene, i, j).astype(np.float32)
