@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from sgraph_concepts.types import FloatArray, SurfaceArrays
+from sgraph_concepts.types import FloatArray, IntArray, SurfaceArrays
 from sgraph_core.geometry import cross, dot, lines_of, nearest, points_of
 
 __all__ = ["Closures", "continuations", "gaps"]
@@ -40,16 +40,19 @@ class Closures:
     widths: FloatArray
 
 
-def gaps(surfaces: SurfaceArrays, widest_m: float) -> Closures:
+def gaps(surfaces: SurfaceArrays, widest_m: float, rows: IntArray | None = None) -> Closures:
     """Return the gaps from each surface's second end to the next collinear surface's first.
 
     Args:
         surfaces: N surfaces.
         widest_m: wider gaps are left out.
+        rows: of the surfaces whose gaps are wanted; all if not given.
     """
+    rows = np.arange(len(surfaces)) if rows is None else rows
     ends, starts = surfaces.segments[:, 1], surfaces.segments[:, 0]
     tree = shapely.STRtree(points_of(starts))
-    one, two = tree.query(points_of(ends), predicate="dwithin", distance=widest_m)
+    one, two = tree.query(points_of(ends[rows]), predicate="dwithin", distance=widest_m)
+    one = rows[one]
     gap = starts[two] - ends[one]
     tangent = surfaces.tangents[one] + surfaces.tangents[two]
     tangent /= np.maximum(np.linalg.norm(tangent, axis=1), 1e-9)[:, None]
@@ -63,18 +66,22 @@ def gaps(surfaces: SurfaceArrays, widest_m: float) -> Closures:
     return Closures(np.stack([ends[one], starts[two]], axis=1), width)
 
 
-def continuations(surfaces: SurfaceArrays, longest_m: float) -> Closures:
+def continuations(
+    surfaces: SurfaceArrays, longest_m: float, rows: IntArray | None = None
+) -> Closures:
     """Return the continuations of surfaces that end in no corner, up to the next surface.
 
     Args:
         surfaces: N surfaces.
         longest_m: longer continuations are left out.
+        rows: of the surfaces whose continuations are wanted; all if not given.
     """
+    rows = np.arange(len(surfaces)) if rows is None else rows
     lines = lines_of(surfaces.segments)
     tree = shapely.STRtree(lines)
-    own = np.tile(np.arange(len(surfaces)), 2)
-    ends = surfaces.segments[:, ::-1].swapaxes(0, 1).reshape(-1, 2)
-    outwards = np.concatenate([surfaces.tangents, -surfaces.tangents])
+    own = np.tile(rows, 2)
+    ends = surfaces.segments[rows, ::-1].swapaxes(0, 1).reshape(-1, 2)
+    outwards = np.concatenate([surfaces.tangents[rows], -surfaces.tangents[rows]])
 
     end, near = tree.query(points_of(ends), predicate="dwithin", distance=CORNER_M)
     corner = (near != own[end]) & (

@@ -35,7 +35,7 @@ from sgraph_core.pins import PINNED_CONCEPT, RoomPins, check_pins
 from sgraph_core.preprocess import Fragments, preprocess
 from sgraph_core.proximity import build_scene
 
-__all__ = ["Detector", "Scorer", "Trace"]
+__all__ = ["Detector", "Inference", "Scorer", "Trace"]
 
 Scorer = Literal["network", "baseline"]
 """Who scores the relations: the trained network, or each concept's rule without learning."""
@@ -134,7 +134,7 @@ class Detector:
         check_pins(pins, set(graph.wall_surfaces.ids.tolist()))
         result, room_pins = graph.copy(), RoomPins(pins)
         fragments = preprocess(graph.wall_surfaces.ordered(), room_pins.let_stand)
-        run = _Run(self, fragments, self.scene(fragments.surfaces, graph.grid), room_pins)
+        run = Inference(self, fragments, self.scene(fragments.surfaces, graph.grid), room_pins)
         for concept in self.registry.select(None if concepts is None else list(concepts)):
             name, groups = concept.spec.name, concept.spec.groups
             names = pins.room_names if name == PINNED_CONCEPT else {}
@@ -146,25 +146,33 @@ class Detector:
 
     def score(self, concept: RegisteredConcept, scene: Scene) -> ScoredEdges:
         """Return a concept's relation over the pairs of a scene of wall surfaces."""
-        run = _Run(self, Fragments(scene.surfaces), scene, RoomPins(Pins()))
+        run = Inference(self, Fragments(scene.surfaces), scene)
         return run.calibrated(concept, run.score(concept, scene))
 
 
-class _Run:
-    """One inference: the scene, and what is computed from it once for all concepts."""
+class Inference:
+    """One inference: the scene, and what is computed from it once for all concepts.
+
+    Args:
+        detector: whose parts are used.
+        fragments: the surfaces as preprocessing left them.
+        scene: the same surfaces, and the pairs of them that are related.
+        pins: what a person pinned; nothing by default.
+    """
 
     def __init__(
-        self, detector: Detector, fragments: Fragments, scene: Scene, pins: RoomPins
+        self, detector: Detector, fragments: Fragments, scene: Scene, pins: RoomPins | None = None
     ) -> None:
         self._detector = detector
         self._fragments = fragments
         self.scene = scene
         self.relations: dict[str, ScoredEdges] = {}
         self.clusters: dict[str, dict[frozenset[int], Cluster]] = {}
-        self._pins = pins
+        self._pins = RoomPins(Pins()) if pins is None else pins
 
     @cached_property
-    def _embeddings(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def embeddings(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """What the encoder makes of the scene's surfaces and pairs."""
         network = self._detector.network
         return network.encode(network.inputs(self.scene))
 
@@ -196,7 +204,7 @@ class _Run:
             ConceptNode(
                 0,
                 tuple(sorted(members)),
-                confidence=self._confidence(concept, cluster, len(members)),
+                confidence=self.confidence(concept, cluster, len(members)),
             )
             for members, cluster in clusters.items()
         ]
@@ -204,7 +212,7 @@ class _Run:
         rows = {
             node.id: np.array(clusters[frozenset(node.members)].members, np.int64) for node in nodes
         }
-        shapes = self._shapes(concept, rows, scene)
+        shapes = self.shapes(concept, rows, scene)
         return [replace(node, shape=shapes[node.id]) for node in nodes]
 
     def _by_members(
@@ -212,11 +220,10 @@ class _Run:
     ) -> dict[frozenset[int], Cluster]:
         """Return the clusters by the members of the nodes that they give."""
         found: dict[frozenset[int], Cluster] = {}
-        clusters = self._clusters(concept, edges, scene)
+        clusters = self.cluster(concept, edges, scene)
         for cluster in sorted(clusters, key=lambda c: (c.confidence, c.members)):
             if concept.spec.groups == WALL_SURFACE:
-                rows = np.array(cluster.members, np.int64)
-                candidates = self._members(concept, self._fragments.parents(rows))
+                candidates = self.members_of(concept, np.array(cluster.members, np.int64))
             else:
                 candidates = [frozenset(scene.nodes[row].id for row in cluster.members)]
             for members in candidates:  # fragments of the same surfaces: the surest cluster wins
@@ -236,29 +243,32 @@ class _Run:
             return edges
         return replace(edges, intercept=head.intercept, slope=head.slope)
 
-    def _confidence(self, concept: RegisteredConcept, cluster: Cluster, members: int) -> float:
+    def confidence(self, concept: RegisteredConcept, cluster: Cluster, members: int) -> float:
+        """Return how sure a node with this many members is, given the cluster it comes from."""
         spec, other_clusterers = concept.spec.confidence, self._detector.clusterers
         if spec is None or not self._may_calibrate or concept.spec.name in other_clusterers:
             return cluster.confidence
         return probability_right(spec, cluster.confidence, members)
 
-    def _members(self, concept: RegisteredConcept, parents: frozenset[int]) -> list[frozenset[int]]:
-        """Return the members of the nodes that a cluster of these surfaces gives.
+    def members_of(self, concept: RegisteredConcept, rows: IntArray) -> list[frozenset[int]]:
+        """Return the members of the nodes that a cluster of these rows gives.
 
         A surface that was mapped twice joins a room together with its copy. It cannot do so where
         surfaces belong to several nodes, such as walls: there the copy gives nodes of its own.
         """
+        parents = self._fragments.parents(rows)
         if concept.spec.exclusive:
             return [self._fragments.with_duplicates(parents)]
         return self._fragments.alternatives(parents)
 
     def score(self, concept: RegisteredConcept, scene: Scene) -> ScoredEdges:
+        """Return a concept's relation over the pairs of a scene, as scored."""
         name = concept.spec.name
         if not len(scene.pairs):
             return ScoredEdges(scene.pairs, np.empty(0))
         learned = self._detector.scorer == "network" and concept.spec.head is not None
         if learned and not scene.nodes:
-            return self._detector.network.score(concept, scene, self._embeddings)
+            return self._detector.network.score(concept, scene, self.embeddings)
         logits = np.asarray(self._call(name, "baseline", None, scene), np.float64)
         if logits.shape != (len(scene.pairs),) or not np.isfinite(logits).all():
             raise ConceptError(
@@ -266,11 +276,11 @@ class _Run:
             )
         return ScoredEdges(scene.pairs, logits)
 
-    def _clusters(
+    def cluster(
         self, concept: RegisteredConcept, edges: ScoredEdges, scene: Scene
     ) -> list[Cluster]:
         """Cluster by a concept's relation; rooms keep to the pins."""
-        if concept.spec.name != PINNED_CONCEPT:
+        if concept.spec.name != PINNED_CONCEPT or not (self._pins.groups or self._pins.apart):
             return self._cluster(concept, edges, scene)
         pinned = pin(edges, scene, self._pins.groups, self._pins.apart)
         return pinned.enforce(self._cluster(concept, pinned.edges, scene))
@@ -292,7 +302,7 @@ class _Run:
             )
         return clusters
 
-    def _shapes(
+    def shapes(
         self, concept: RegisteredConcept, rows: Mapping[int, IntArray], scene: Scene
     ) -> dict[int, NodeShape]:
         """Return the shapes of nodes in the world, from the rows of each one's members."""

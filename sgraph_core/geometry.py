@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from sgraph_concepts.types import FloatArray, IntArray, SurfaceArrays
 
 __all__ = [
+    "TIE_M",
     "Geometries",
     "closest_distances",
     "cross",
@@ -18,6 +19,10 @@ __all__ = [
     "nearest",
     "points_of",
 ]
+
+
+TIE_M = 1e-6
+"""Distances that differ by less are the same."""
 
 
 def cross(one: FloatArray, two: FloatArray) -> FloatArray:
@@ -72,12 +77,11 @@ def in_frames(
 
 def nearest(groups: IntArray, distances: FloatArray, count: int) -> NDArray[np.bool_]:
     """Return which rows are among the ``count`` nearest of their group, ties included, [P]."""
-    tie_m = 1e-6
     order = np.lexsort((distances, groups))
     sorted_groups, sorted_distances = groups[order], distances[order]
     starts = np.searchsorted(sorted_groups, sorted_groups)
     sizes = np.searchsorted(sorted_groups, sorted_groups, side="right") - starts
-    limit = sorted_distances[starts + np.minimum(count, sizes) - 1] + tie_m
+    limit = sorted_distances[starts + np.minimum(count, sizes) - 1] + TIE_M
     near = np.empty(len(groups), bool)
     near[order] = sorted_distances <= limit
     return near

@@ -91,8 +91,8 @@ class SGraph:
     the wall surfaces, or what ``groups`` says for the concept. ``grid`` is the occupancy grid that
     the surfaces were extracted from, if any; a map file does not hold it.
 
-    Rows are only ever added, so an id keeps its meaning. Adding checks the same rules as reading a
-    map file and raises before anything is changed.
+    Rows are only ever added or moved, so an id keeps its meaning. Both check the same rules as
+    reading a map file and raise before anything is changed.
     """
 
     def __init__(self, name: str | None = None) -> None:
@@ -283,34 +283,13 @@ class SGraph:
         """Add rows of :class:`WallSurfaces`. Raises InputError as :meth:`add_wall_surface` does."""
         check = Check("wall_surfaces")
         check.new_ids(ids, self._surface_rows)
-        check.positions("segment", segments)
-        along = segments[:, 1] - segments[:, 0]
-        length = np.linalg.norm(along, axis=1)
-        check.that(
-            length >= SHORTEST_SEGMENT_M,
-            "segment",
-            segments,
-            "endpoints must be 1 mm or more apart",
-        )
-        check.unit("normal", normals, normals)
-        along /= length[:, None]
-        slant = np.arcsin(np.clip(np.abs((along * normals).sum(axis=1)), 0, 1))
-        check.that(
-            slant <= PERPENDICULAR_TOLERANCE_RAD,
-            "normal",
-            normals,
-            "must be perpendicular to the segment within 5 degrees",
-        )
+        normals = _perpendicular(check, segments, normals)
         check.that(
             ~(heights[:, 0] > heights[:, 1]), "z", heights, "lowest must not be above highest"
         )
         check.that(~np.isinf(heights).any(axis=1), "z", heights, "must be finite")
-        across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-        side = np.where((across * normals).sum(axis=1) < 0, -1.0, 1.0)
         _number(self._surface_rows, ids)
-        self._wall_surfaces.append(
-            WallSurfaces(ids, segments, across * side[:, None] + 0.0, heights)
-        )
+        self._wall_surfaces.append(WallSurfaces(ids, segments, normals, heights))
 
     def extend_observations(
         self, surface_ids: IntArray, keyframe_ids: IntArray, planes: FloatArray, sigmas: FloatArray
@@ -335,6 +314,39 @@ class SGraph:
             "n, turned by the keyframe's pose, must be within 90 degrees of the surface's normal",
         )
         self._observations.append(Observations(surface_ids, keyframe_ids, planes, sigmas))
+
+    # -- moving -------------------------------------------------------------------------------
+
+    def move(
+        self,
+        keyframes: Mapping[int, ArrayLike] | None = None,
+        surfaces: Mapping[int, tuple[ArrayLike, ArrayLike]] | None = None,
+    ) -> None:
+        """Give keyframes other poses, and wall surfaces other segments and normals.
+
+        Args:
+            keyframes: poses by id, as in :meth:`add_keyframe`.
+            surfaces: segments and normals by id, as in :meth:`add_wall_surface`.
+
+        Raises:
+            InputError: an id is unknown or a number breaks the map file's rules.
+        """
+        keyframes, surfaces = keyframes or {}, surfaces or {}
+        keyframe_ids, surface_ids = _ids(list(keyframes)), _ids(list(surfaces))
+        poses = _rows("pose", list(keyframes.values()), (7,))
+        segments = _rows("segment", [segment for segment, _ in surfaces.values()], (2, 2))
+        normals = _rows("normal", [normal for _, normal in surfaces.values()], (2,))
+        check = Check("keyframes")
+        check.known_ids("id", keyframe_ids, self._keyframe_rows, "keyframe")
+        check.poses("pose", poses)
+        check = Check("wall_surfaces")
+        check.known_ids("id", surface_ids, self._surface_rows, "wall surface")
+        normals = _perpendicular(check, segments, normals)
+        rows = np.array([self._keyframe_rows[i] for i in keyframes], np.int64)
+        self._keyframes.overwrite("poses", poses, rows)
+        rows = np.array([self._surface_rows[i] for i in surfaces], np.int64)
+        self._wall_surfaces.overwrite("segments", segments, rows)
+        self._wall_surfaces.overwrite("normals", normals, rows)
 
     # -- derived graphs --------------------------------------------------------------------------
 
@@ -377,9 +389,34 @@ class SGraph:
         return graph
 
 
+def _perpendicular(check: Check, segments: FloatArray, normals: FloatArray) -> FloatArray:
+    """Check segments and normals; return the normals exactly perpendicular to the segments."""
+    check.positions("segment", segments)
+    along = segments[:, 1] - segments[:, 0]
+    length = np.linalg.norm(along, axis=1)
+    check.that(
+        length >= SHORTEST_SEGMENT_M,
+        "segment",
+        segments,
+        "endpoints must be 1 mm or more apart",
+    )
+    check.unit("normal", normals, normals)
+    along /= length[:, None]
+    slant = np.arcsin(np.clip(np.abs((along * normals).sum(axis=1)), 0, 1))
+    check.that(
+        slant <= PERPENDICULAR_TOLERANCE_RAD,
+        "normal",
+        normals,
+        "must be perpendicular to the segment within 5 degrees",
+    )
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    side = np.where((across * normals).sum(axis=1) < 0, -1.0, 1.0)
+    return np.asarray(across * side[:, None] + 0.0)
+
+
 def _ids(values: Sequence[int]) -> IntArray:
     array = np.asarray(values)
-    if array.dtype.kind not in "iu":
+    if len(values) and array.dtype.kind not in "iu":
         raise InputError(f"id {values[0]!r}: must be an integer from 0 to 2^53 - 1")
     return array.astype(np.int64)
 
@@ -389,6 +426,10 @@ def _row(name: str, value: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
     if array.shape != shape:
         raise InputError(f"{name} = {value!r}: must have shape {list(shape)}")
     return array[None]
+
+
+def _rows(name: str, values: Sequence[ArrayLike], shape: tuple[int, ...]) -> FloatArray:
+    return np.concatenate([np.empty((0, *shape)), *(_row(name, value, shape) for value in values)])
 
 
 def _row_of(rows: Mapping[int, int], row_id: int, kind: str) -> int:

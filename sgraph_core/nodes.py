@@ -11,7 +11,7 @@ import numpy as np
 from sgraph_concepts.types import ConceptNode
 from sgraph_core.tables import LARGEST_ID
 
-__all__ = ["keep_identity"]
+__all__ = ["keep_identity", "persisting"]
 
 SHARED = 0.5
 """An old node persists in a new one if they share this part of the smaller one's members."""
@@ -36,7 +36,7 @@ def keep_identity(
         The new nodes by id.
     """
     ordered = sorted(new, key=lambda node: node.members)
-    inherited = _matches(ordered, old, names)
+    inherited = persisting(ordered, old, names)
     # a pinned name may belong to a node that is gone: its id is taken too, once there are nodes
     taken = {*(node.id for node in old), *(names if old else ())}
     above = max(taken, default=-1) + 1
@@ -50,9 +50,10 @@ def keep_identity(
     return sorted(result, key=lambda node: node.id)
 
 
-def _matches(
+def persisting(
     new: Sequence[ConceptNode], old: Sequence[ConceptNode], names: Mapping[int, str]
 ) -> dict[int, ConceptNode]:
+    """Return the old node that persists in each new one, by the new one's place in the list."""
     if not new or not old:
         return {}
     from scipy.optimize import linear_sum_assignment

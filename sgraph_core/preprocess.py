@@ -17,7 +17,16 @@ from sgraph_concepts.errors import InputError
 from sgraph_concepts.types import FloatArray, IntArray, SurfaceArrays
 from sgraph_core.geometry import in_frames, lines_of
 
-__all__ = ["Fragments", "flatten", "preprocess"]
+__all__ = [
+    "DUPLICATE_ANGLE_RAD",
+    "DUPLICATE_OFFSET_M",
+    "TOUCH_M",
+    "Fragments",
+    "drop_duplicates",
+    "flatten",
+    "preprocess",
+    "split",
+]
 
 DUPLICATE_OFFSET_M = 0.05
 """Two observations of one surface lie this close; the sides of the thinnest walls (6 cm) do not,
@@ -109,8 +118,8 @@ def preprocess(
     """
     if len(surfaces) < 2:
         return Fragments(surfaces)
-    kept, duplicates = _drop_duplicates(surfaces, may_stand)
-    return Fragments(_split(kept), duplicates)
+    kept, duplicates = drop_duplicates(surfaces, may_stand)
+    return Fragments(split(kept), duplicates)
 
 
 def _near(surfaces: SurfaceArrays, distance_m: float) -> tuple[IntArray, IntArray]:
@@ -121,9 +130,10 @@ def _near(surfaces: SurfaceArrays, distance_m: float) -> tuple[IntArray, IntArra
     return one[apart], two[apart]
 
 
-def _drop_duplicates(
-    surfaces: SurfaceArrays, may_stand: Callable[[int, int], bool]
+def drop_duplicates(
+    surfaces: SurfaceArrays, may_stand: Callable[[int, int], bool] = lambda _original, _copy: True
 ) -> tuple[SurfaceArrays, dict[int, int]]:
+    """Return the surfaces that repeat no other one, and who stands for each that does, by id."""
     long, short = _near(surfaces, DUPLICATE_OFFSET_M)
     lengths, ids = surfaces.lengths, surfaces.ids
     longer = (lengths[long] > lengths[short]) | (
@@ -154,7 +164,8 @@ def _drop_duplicates(
     return surfaces.take(keep), {int(ids[s]): int(ids[r]) for s, r in stands_for.items()}
 
 
-def _split(surfaces: SurfaceArrays) -> SurfaceArrays:
+def split(surfaces: SurfaceArrays) -> SurfaceArrays:
+    """Return the fragments of surfaces that do not repeat one another."""
     cut, knife = _near(surfaces, TOUCH_M)
     sine = np.abs((surfaces.tangents[cut] * surfaces.normals[knife]).sum(axis=1))
     meets = sine > np.sin(SPLIT_ANGLE_RAD)

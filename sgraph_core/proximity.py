@@ -12,12 +12,13 @@ from typing import Literal
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from sgraph_concepts.types import FloatArray, IntArray, OccupancyGrid, Scene, SurfaceArrays
 from sgraph_core.geometry import closest_distances, lines_of
 from sgraph_core.visibility import facing_pairs, visibility
 
-__all__ = ["Neighbours", "build_scene"]
+__all__ = ["CLOSE_M", "FACING", "Neighbours", "build_scene", "worth_relating"]
 
 Neighbours = Literal["visible", "nearest"]
 """``visible``: ours. ``nearest``: the paper's, by the distance of midpoints."""
@@ -55,13 +56,18 @@ def build_scene(
         return _scene(local, origin, _nearest_pairs(local), grid)
     pairs = np.concatenate([facing_pairs(local, FACING), _close_pairs(local)])
     scene = _scene(local, origin, np.unique(pairs, axis=0), grid)
-    worth_relating = (scene.distances <= CLOSE_M) | (scene.visibility[:, 0] > 0)
+    worth = worth_relating(scene.distances, scene.visibility)
     return replace(
         scene,
-        pairs=scene.pairs[worth_relating],
-        distances=scene.distances[worth_relating],
-        visibility=scene.visibility[worth_relating],
+        pairs=scene.pairs[worth],
+        distances=scene.distances[worth],
+        visibility=scene.visibility[worth],
     )
+
+
+def worth_relating(distances: FloatArray, visibility: FloatArray) -> NDArray[np.bool_]:
+    """Return which pairs are close or see each other, [E]."""
+    return np.asarray((distances <= CLOSE_M) | (visibility[:, 0] > 0))
 
 
 def _scene(

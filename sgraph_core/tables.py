@@ -170,9 +170,11 @@ class Table(Generic[Rows]):
             self._columns[name][self._size : size] = new[name]
         self._size = size
 
-    def overwrite(self, column: str, values: NDArray[Any]) -> None:
-        """Replace one column of all rows."""
-        self._columns[column][: self._size] = values
+    def overwrite(
+        self, column: str, values: NDArray[Any], rows: IntArray | slice = slice(None)
+    ) -> None:
+        """Replace one column of all rows, or of some."""
+        self._columns[column][: self._size][rows] = values
 
 
 class Check:

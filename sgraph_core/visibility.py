@@ -17,7 +17,17 @@ from sgraph_core.closures import Closures, continuations, gaps
 from sgraph_core.geometry import dot, lines_of, nearest
 from sgraph_core.rays import Obstacles, Rays
 
-__all__ = ["VISIBILITIES", "facing_pairs", "visibility"]
+__all__ = [
+    "CLOSURE_REACH_M",
+    "FARTHEST_RADIUS_M",
+    "NEAREST_RADIUS_M",
+    "VISIBILITIES",
+    "closures_among",
+    "face_each_other",
+    "facing_neighbours",
+    "facing_pairs",
+    "visibility",
+]
 
 IN_FRONT_M = 0.05
 """How far a surface must reach in front of another to be seen from it at all."""
@@ -28,6 +38,8 @@ CLOSED_GAPS_M = (1.4, 3.0, 6.0)
 """Widths up to which gaps are closed: doors, wide openings, missing surfaces."""
 CONTINUED_M = (1.5, 4.0, 8.0)
 """Lengths up to which surfaces that end in the open are continued."""
+CLOSURE_REACH_M = max(*CLOSED_GAPS_M, *CONTINUED_M) + 0.5
+"""Closures that depend on a surface have all their points this close to it."""
 VISIBILITIES = (
     "visibility",
     *(f"visibility, gaps up to {width:g} m closed" for width in CLOSED_GAPS_M),
@@ -54,11 +66,33 @@ def facing_pairs(surfaces: SurfaceArrays, count: int) -> IntArray:
         Row indices, first below second, [P, 2].
     """
     total = len(surfaces)
+    one, two, _, _ = facing_neighbours(surfaces, np.arange(total), count)
+    keys = np.unique(np.minimum(one, two) * total + np.maximum(one, two))
+    return np.stack(np.divmod(keys, total), axis=1)
+
+
+def facing_neighbours(
+    surfaces: SurfaceArrays, rows: IntArray, count: int
+) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
+    """Return whom some surfaces ask for: the nearest ``count`` that face them, and ties.
+
+    Args:
+        surfaces: N surfaces.
+        rows: the R that ask.
+        count: how many neighbours each asks for.
+
+    Returns:
+        Who asks, for whom, and their distances, [A] each; and how far each of ``rows`` had to look,
+        [R]: what is farther away makes no difference to it.
+    """
     lines = lines_of(surfaces.segments)
     bounds, outwards = shapely.bounds(lines), np.array([-1.0, -1.0, 1.0, 1.0])
     tree = shapely.STRtree(lines)
-    waits, radius = np.ones(total, bool), NEAREST_RADIUS_M
-    keys = [np.empty(0, np.int64)]
+    waits, radius = np.zeros(len(surfaces), bool), NEAREST_RADIUS_M
+    waits[rows] = True
+    none = np.empty(0, np.int64)
+    who, whom, apart = [none], [none], [np.empty(0)]
+    looked = np.full(len(surfaces), FARTHEST_RADIUS_M)
     while waits.any():
         waiting = np.flatnonzero(waits)
         one, two = tree.query(shapely.box(*(bounds[waiting] + radius * outwards).T))
@@ -72,16 +106,27 @@ def facing_pairs(surfaces: SurfaceArrays, count: int) -> IntArray:
         mutual = waits[two]
         asking, other = np.append(one, two[mutual]), np.append(two, one[mutual])
         distances = np.append(distances, distances[mutual])
-        found = np.bincount(asking[distances <= radius], minlength=total)
+        found = np.bincount(asking[distances <= radius], minlength=len(surfaces))
         done = (found >= count) | (radius >= FARTHEST_RADIUS_M)
         answered = done[asking]
         asking, other, distances = asking[answered], other[answered], distances[answered]
         near = nearest(asking, distances, count)
         asking, other = asking[near], other[near]
-        keys.append(np.minimum(asking, other) * total + np.maximum(asking, other))
+        who.append(asking)
+        whom.append(other)
+        apart.append(distances[near])
+        farthest = np.zeros(len(surfaces))
+        np.maximum.at(farthest, asking, distances[near])
+        enough = waits & (found >= count)
+        looked[enough] = farthest[enough]
         waits &= ~done
         radius *= 2
-    return np.stack(np.divmod(np.unique(np.concatenate(keys)), total), axis=1)
+    return np.concatenate(who), np.concatenate(whom), np.concatenate(apart), looked[rows]
+
+
+def face_each_other(surfaces: SurfaceArrays, one: IntArray, two: IntArray) -> NDArray[np.bool_]:
+    """Return whether each of the surfaces in these rows reaches in front of the other, [P]."""
+    return _reaches_in_front(surfaces, one, two) & _reaches_in_front(surfaces, two, one)
 
 
 def _reaches_in_front(surfaces: SurfaceArrays, one: IntArray, two: IntArray) -> NDArray[np.bool_]:
@@ -90,7 +135,24 @@ def _reaches_in_front(surfaces: SurfaceArrays, one: IntArray, two: IntArray) -> 
     return np.asarray(np.maximum(in_front[:, 0], in_front[:, 1]) > IN_FRONT_M)
 
 
-def visibility(surfaces: SurfaceArrays, pairs: IntArray) -> FloatArray:
+def closures_among(
+    surfaces: SurfaceArrays, rows: IntArray | None = None
+) -> tuple[Closures, Closures]:
+    """Return the gaps and the continuations that count as closed in some column.
+
+    Args:
+        surfaces: N surfaces.
+        rows: of the surfaces whose closures are wanted; all if not given.
+    """
+    return (
+        gaps(surfaces, max(CLOSED_GAPS_M), rows),
+        continuations(surfaces, max(CONTINUED_M), rows),
+    )
+
+
+def visibility(
+    surfaces: SurfaceArrays, pairs: IntArray, closed: tuple[Closures, Closures] | None = None
+) -> FloatArray:
     """Return the share of lines of sight between the surfaces of each pair that are free.
 
     Each pair is joined by 4 x 4 lines of sight. One is free when it leaves and arrives in front of
@@ -99,15 +161,14 @@ def visibility(surfaces: SurfaceArrays, pairs: IntArray) -> FloatArray:
     Args:
         surfaces: N surfaces.
         pairs: row indices, [P, 2].
+        closed: the gaps and the continuations among the surfaces, if known already.
 
     Returns:
         Shares from 0 to 1, [P, len(VISIBILITIES)].
     """
     walls = Obstacles.of(Closures(surfaces.segments, np.zeros(len(surfaces))))
-    closed = [
-        (Obstacles.of(gaps(surfaces, max(CLOSED_GAPS_M))), CLOSED_GAPS_M),
-        (Obstacles.of(continuations(surfaces, max(CONTINUED_M))), CONTINUED_M),
-    ]
+    widths = CLOSED_GAPS_M, CONTINUED_M
+    obstacles = [Obstacles.of(closures) for closures in closed or closures_among(surfaces)]
     shares = np.zeros((len(pairs), len(VISIBILITIES)))
     for start in range(0, len(pairs), PAIRS_AT_ONCE):  # bounds the memory
         some = pairs[start : start + PAIRS_AT_ONCE]
@@ -119,8 +180,8 @@ def visibility(surfaces: SurfaceArrays, pairs: IntArray) -> FloatArray:
         seeing = np.flatnonzero(free.any(axis=1))
         rays, free, seeing = rays.take(seeing), free[seeing], open_[seeing]
         columns = [free]
-        for obstacles, limits in closed:
-            narrowest = rays.narrowest_crossed(obstacles)
+        for closures, limits in zip(obstacles, widths, strict=True):
+            narrowest = rays.narrowest_crossed(closures)
             columns += [free & (narrowest > limit) for limit in limits]
         shares[start + seeing] = np.stack([column.mean(axis=1) for column in columns], axis=1)
     return shares

@@ -6,10 +6,10 @@ copied and not meant to be written to.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ __all__ = [
     "FactorResult",
     "FloatArray",
     "IntArray",
+    "Memory",
     "NodeShape",
     "OccupancyGrid",
     "Scene",
@@ -29,6 +30,7 @@ __all__ = [
     "SurfaceArrays",
 ]
 
+Result = TypeVar("Result")
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
@@ -69,6 +71,11 @@ class SurfaceArrays:
     def tangents(self) -> FloatArray:
         """Unit vectors from the first to the second endpoint, [N, 2]."""
         return np.stack([-self.normals[:, 1], self.normals[:, 0]], axis=1)
+
+    @property
+    def content(self) -> tuple[bytes, bytes]:
+        """Where the surfaces lie, as a key to remember things by."""
+        return self.segments.tobytes(), self.normals.tobytes()
 
     def take(self, rows: IntArray | NDArray[np.bool_]) -> SurfaceArrays:
         """Return the given rows, by index or mask."""
@@ -118,6 +125,26 @@ class OccupancyGrid:
         return np.array([[cosine, sine], [-sine, cosine]])
 
 
+class Memory:
+    """Results that a part of a concept may want again while one map grows.
+
+    Args:
+        size: how many are kept; the one that was not asked for the longest goes first.
+    """
+
+    def __init__(self, size: int = 2000) -> None:
+        self._size = size
+        self._results: dict[Hashable, Any] = {}
+
+    def recall(self, key: Hashable, make: Callable[[], Result]) -> Result:
+        """Return what was made for an equal key before, or make it."""
+        result: Result = self._results.pop(key) if key in self._results else make()
+        self._results[key] = result
+        if len(self._results) > self._size:
+            del self._results[next(iter(self._results))]
+        return result
+
+
 @dataclass(frozen=True, eq=False)
 class Scene:
     """What a scorer sees: the items of one map and the pairs that may be related.
@@ -135,6 +162,8 @@ class Scene:
             wall surfaces; then ``pairs`` indexes them and ``surfaces`` holds their members.
         grid: the occupancy grid that the surfaces were extracted from, if any, in the scene's
             coordinates.
+        memory: of the map that the scene is part of; empty if it is inferred once only. Scenes
+            that share a memory share their origin.
     """
 
     surfaces: SurfaceArrays
@@ -144,6 +173,7 @@ class Scene:
     visibility: FloatArray
     nodes: Sequence[ConceptNode] = ()
     grid: OccupancyGrid | None = None
+    memory: Memory = field(default_factory=Memory)
 
 
 @dataclass(frozen=True, eq=False)

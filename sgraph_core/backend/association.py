@@ -299,7 +299,12 @@ def _elect(window: _Votes, visits: Visits, first: int) -> _Election | None:
     """Return the best supported correction of a window; None where none is beyond doubt."""
     if window.held.all() or len(window.pairs) < FEWEST:
         return None
-    corrections = _corrections(window, _drift(visits, window))
+    drift = _drift(visits, window)
+    everything = _weights(window, np.ones((1, len(window.pairs)), bool))[0]
+    window = window.take(window.held | _possible(window, drift))
+    if window.held.all():
+        return None
+    corrections = _corrections(window, drift)
     if not len(corrections.moves):
         return None
     weights = _weights(window, corrections.support)
@@ -309,7 +314,6 @@ def _elect(window: _Votes, visits: Visits, first: int) -> _Election | None:
     differs = np.abs(corrections.moves - corrections.moves[best]) > [OTHER_RAD, OTHER_M, OTHER_M]
     rivals = weights[differs.any(axis=1)]
     against = max(rivals.max(initial=0.0), _weights(window, torn[None])[0])
-    everything = _weights(window, np.ones((1, len(chosen)), bool))[0]
     if weights[best] < max(LEAST_SUPPORT_M, EXPLAINED * everything):
         return None
     if against >= RIVAL * weights[best]:
@@ -317,6 +321,15 @@ def _elect(window: _Votes, visits: Visits, first: int) -> _Election | None:
     election = _Election(first, window, chosen, corrections.moves[best], float(weights[best]))
     anew = np.unique(window.pairs[chosen & ~window.held, 1])
     return None if election.moves and len(anew) < FEWEST_NEW else election
+
+
+def _possible(window: _Votes, drift: FloatArray) -> NDArray[np.bool_]:
+    """Return which pairs the stated drift explains, each for itself, [P]."""
+    arms = np.linalg.norm(window.points - window.points.mean(axis=0), axis=1)
+    angle = np.hypot(drift[0], window.sigmas[:, 0])
+    gap = np.sqrt(drift[1] ** 2 + (arms * drift[0]) ** 2 + window.sigmas[:, 1] ** 2)
+    likely = (window.innovations / np.stack([angle, gap], axis=1)) ** 2
+    return np.asarray((likely <= chdtri(1, REJECTION / 10)).all(axis=1))
 
 
 def _distinct(graph: SGraph, election: _Election, visits: Visits) -> bool:

@@ -112,32 +112,32 @@ class _Members:
         self, points: Sequence[tuple[float, float]], near_m: float
     ) -> tuple[tuple[float, float], ...]:
         """Return points moved with the members that come this close to them."""
-        moves = [self._move(np.array(point), near_m) for point in points]
-        return tuple((x + dx, y + dy) for (x, y), (dx, dy) in zip(points, moves, strict=True))
+        old = np.array(points)
+        near = _distances(self._segments, old) <= near_m
+        left = np.where(near, self._approach(old), 0.0)
+        outer = self._new_normals[:, :, None] * self._new_normals[:, None]
+        weights = np.einsum("vm,mij->vij", near.astype(np.float64), outer) + STAY * np.eye(2)
+        shift = np.linalg.solve(weights, (left @ self._new_normals)[:, :, None])[:, :, 0]
+        return tuple((x, y) for x, y in (old + self._mean - shift).tolist())
 
     def thickness(self, point: FloatArray) -> float:
         """Return how far the members' planes lie behind a point between them, together."""
         in_front = dot(point - self._new_segments.mean(axis=1), self._new_normals)
         return max(float(-in_front.sum()), 0.0)
 
-    def _approach(self, point: FloatArray, new_point: FloatArray) -> FloatArray:
-        """Return how far each plane leaves the point in front of it, [M]."""
-        old = dot(point - self._segments.mean(axis=1), self._normals)
-        return dot(new_point - self._new_segments.mean(axis=1), self._new_normals) - old
-
-    def _move(self, point: FloatArray, near_m: float) -> FloatArray:
-        near = _distances(self._segments, point) <= near_m
-        normals = self._new_normals[near]
-        left = self._approach(point, point + self._mean)[near]
-        weights = normals.T @ normals + STAY * np.eye(2)
-        return np.asarray(self._mean - np.linalg.solve(weights, normals.T @ left))
+    def _approach(self, points: FloatArray) -> FloatArray:
+        """Return how much points [V, 2], moved with the mean, come before each plane, [V, M]."""
+        before = points[:, None] - self._segments.mean(axis=1)
+        after = points[:, None] + self._mean - self._new_segments.mean(axis=1)
+        return dot(after, self._new_normals) - dot(before, self._normals)
 
 
-def _distances(segments: FloatArray, point: FloatArray) -> FloatArray:
+def _distances(segments: FloatArray, points: FloatArray) -> FloatArray:
+    """Return the distances of points [V, 2] from segments, [V, M]."""
     along = segments[:, 1] - segments[:, 0]
-    share = dot(point - segments[:, 0], along) / dot(along, along)
-    foot = segments[:, 0] + np.clip(share, 0, 1)[:, None] * along
-    return np.asarray(np.linalg.norm(point - foot, axis=1))
+    offset = points[:, None] - segments[:, 0]
+    share = np.clip(dot(offset, along) / dot(along, along), 0, 1)
+    return np.asarray(np.linalg.norm(offset - share[:, :, None] * along, axis=2))
 
 
 def _pose_row(pose: gtsam.Pose3) -> list[float]:

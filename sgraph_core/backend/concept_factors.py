@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -22,7 +22,16 @@ from sgraph_core.backend.ties import TieNoise, tie_planes
 from sgraph_core.concepts import installed
 from sgraph_core.graph import SGraph
 
-__all__ = ["ConceptFactors", "FactorGroup", "concept_factors", "propose", "with_ties"]
+__all__ = [
+    "NO_FACTOR",
+    "ConceptFactors",
+    "FactorGroup",
+    "concept_factors",
+    "made_by",
+    "propose",
+    "tie",
+    "with_ties",
+]
 
 NO_FACTOR = "none"
 """Named instead of a factor type, it leaves a concept's factors out."""
@@ -104,7 +113,7 @@ def concept_factors(
         collected.add(name, node.id, (), result)
         collected.proposals.append(Proposal(name, node.id, result.same))
     for pair in associate(graph, collected.proposals).same if same is None else same:
-        collected.add(pair.concept, pair.node, pair.pair, _tie(pair, graph, keys))
+        collected.add(pair.concept, pair.node, pair.pair, tie(pair, graph, keys))
     return collected.done()
 
 
@@ -119,7 +128,7 @@ def with_ties(
         list(concepts.proposals),
     )
     for pair in same:
-        collected.add(pair.concept, pair.node, pair.pair, _tie(pair, graph, keys))
+        collected.add(pair.concept, pair.node, pair.pair, tie(pair, graph, keys))
     return collected.done()
 
 
@@ -155,7 +164,8 @@ class _Collected:
         return ConceptFactors(self.graph, self.values, self.groups, self.proposals)
 
 
-def _tie(same: Same, graph: SGraph, keys: Keys) -> FactorResult:
+def tie(same: Same, graph: SGraph, keys: Keys) -> FactorResult:
+    """Return what ties two surfaces of an S-Graph that are one."""
     surfaces = graph.wall_surfaces.ordered()
     one, two = (np.array([graph.surface_row(i)]) for i in same.pair)
     lie = coincidence(surfaces, one, two)
@@ -206,10 +216,24 @@ def _results(
                 partial(keys.node, name, node.id),
                 surfaces,
             )
-            try:
-                result = make(node, context)
-            except Exception as error:  # a third party's code may raise anything
-                raise ConceptError(f"factor of {name} {node.id} fails: {error}") from error
-            if not isinstance(result, FactorResult):
-                raise ConceptError(f"factor of concept {name!r} must return a FactorResult")
-            yield name, node, result
+            yield name, node, made_by(make, name, node, context)
+
+
+def made_by(
+    make: Callable[[ConceptNode, FactorContext], FactorResult],
+    concept: str,
+    node: ConceptNode,
+    context: FactorContext,
+) -> FactorResult:
+    """Return what a concept's factor function makes of a node.
+
+    Raises:
+        ConceptError: it fails, or returns something else.
+    """
+    try:
+        result = make(node, context)
+    except Exception as error:  # a third party's code may raise anything
+        raise ConceptError(f"factor of {concept} {node.id} fails: {error}") from error
+    if not isinstance(result, FactorResult):
+        raise ConceptError(f"factor of concept {concept!r} must return a FactorResult")
+    return result

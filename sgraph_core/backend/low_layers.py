@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import gtsam
@@ -15,8 +15,19 @@ from sgraph_concepts.types import FloatArray
 from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.visits import Visits
 from sgraph_core.graph import SGraph
+from sgraph_core.tables import Keyframes, Observations, Odometry
 
-__all__ = ["LowLayers", "low_layers", "pose3", "world_planes"]
+__all__ = [
+    "LowLayers",
+    "add_observations",
+    "add_odometry",
+    "add_poses",
+    "hold",
+    "low_layers",
+    "pose3",
+    "vertical_planes",
+    "world_planes",
+]
 
 PRIOR_SIGMA = 1e-5
 """Of the first keyframe, rad and m: it holds the map in place."""
@@ -64,13 +75,16 @@ def low_layers(
     keys = keys or Keys()
     _require_connected(graph)
     factors, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-    _add_keyframes(graph, keys, factors, values)
+    add_poses(graph.keyframes, keys, values)
+    factors.add(hold(int(graph.keyframes.ids[0]), graph.keyframes.poses[0], keys))
+    add_odometry(graph.odometry, keys, factors)
     seen = _seen(graph, doubted)
     planes = world_planes(graph)
     for surface, of in sorted({(i, of) for i, of, _ in seen}):
         plane = planes[graph.surface_row(of)]
         values.insert(keys.surface(surface), gtsam.OrientedPlane3(*plane))
-    _add_observations(graph, keys, [surface for surface, _, _ in seen], factors)
+    renamed = np.array([surface for surface, _, _ in seen], np.int64)
+    add_observations(replace(graph.observations, surface_ids=renamed), keys, factors)
     observers: dict[int, list[int]] = {}
     for surface, _, row in sorted(seen):
         observers.setdefault(surface, []).append(row)
@@ -113,18 +127,22 @@ def _require_connected(graph: SGraph) -> None:
         )
 
 
-def _add_keyframes(
-    graph: SGraph, keys: Keys, factors: gtsam.NonlinearFactorGraph, values: gtsam.Values
-) -> None:
-    table, motion = graph.keyframes, graph.odometry
+def add_poses(table: Keyframes, keys: Keys, values: gtsam.Values) -> None:
+    """Add the variables of keyframes."""
     for keyframe, pose in zip(table.ids.tolist(), table.poses, strict=True):
         values.insert(keys.keyframe(keyframe), pose3(pose))
-    hold = gtsam.noiseModel.Isotropic.Sigma(6, PRIOR_SIGMA)
-    factors.add(
-        gtsam.PriorFactorPose3(keys.keyframe(int(table.ids[0])), pose3(table.poses[0]), hold)
-    )
+
+
+def hold(keyframe: int, pose: FloatArray, keys: Keys) -> gtsam.PriorFactorPose3:
+    """Return the prior that holds the map in place by its first keyframe."""
+    noise = gtsam.noiseModel.Isotropic.Sigma(6, PRIOR_SIGMA)
+    return gtsam.PriorFactorPose3(keys.keyframe(keyframe), pose3(pose), noise)
+
+
+def add_odometry(table: Odometry, keys: Keys, factors: gtsam.NonlinearFactorGraph) -> None:
+    """Add the factors of motions."""
     for one, two, pose, sigmas in zip(
-        motion.from_ids.tolist(), motion.to_ids.tolist(), motion.poses, motion.sigmas, strict=True
+        table.from_ids.tolist(), table.to_ids.tolist(), table.poses, table.sigmas, strict=True
     ):
         noise = gtsam.noiseModel.Diagonal.Sigmas(sigmas)
         factors.add(
@@ -132,12 +150,10 @@ def _add_keyframes(
         )
 
 
-def _add_observations(
-    graph: SGraph, keys: Keys, surfaces: Sequence[int], factors: gtsam.NonlinearFactorGraph
-) -> None:
-    table = graph.observations
+def add_observations(table: Observations, keys: Keys, factors: gtsam.NonlinearFactorGraph) -> None:
+    """Add the factors of observed planes."""
     for surface, keyframe, plane, (angle, offset) in zip(
-        surfaces,
+        table.surface_ids.tolist(),
         table.keyframe_ids.tolist(),
         table.planes,
         table.sigmas.tolist(),
@@ -162,6 +178,10 @@ def pose3(pose: FloatArray) -> gtsam.Pose3:
 
 def world_planes(graph: SGraph) -> FloatArray:
     """Return the vertical planes of the wall surfaces, nx, ny, 0, d with n.x + d = 0, [N, 4]."""
-    table = graph.wall_surfaces
-    offsets = -(table.normals * table.segments.mean(axis=1)).sum(axis=1)
-    return np.column_stack([table.normals, np.zeros(len(offsets)), offsets])
+    return vertical_planes(graph.wall_surfaces.segments, graph.wall_surfaces.normals)
+
+
+def vertical_planes(segments: FloatArray, normals: FloatArray) -> FloatArray:
+    """Return the vertical planes through segments [N, 2, 2] with normals [N, 2], [N, 4]."""
+    offsets = -(normals * segments.mean(axis=1)).sum(axis=1)
+    return np.column_stack([normals, np.zeros(len(offsets)), offsets])

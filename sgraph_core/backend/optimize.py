@@ -95,7 +95,8 @@ def optimize(
         found = found.with_(new)
         concepts = with_ties(concepts, new.same, current, keys)
         doubted = _visit_ids(graph, found.doubted)
-        low = low_layers(graph, keys, doubted)
+        if doubted:
+            low = low_layers(graph, keys, doubted)
         solution = solve_robustly(low, concepts, values, keys, refusals)
         if doubted:
             iterations += solution.iterations

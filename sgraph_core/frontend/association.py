@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sgraph_concepts.types import FloatArray, IntArray
 from sgraph_core.frontend.planar import placed, rotated
@@ -47,6 +48,10 @@ class Lines:
 
     def __len__(self) -> int:
         return len(self.normals)
+
+    def take(self, rows: NDArray[np.bool_]) -> Lines:
+        """Return the rows of a mask."""
+        return Lines(self.segments[rows], self.normals[rows])
 
 
 def seen_from_pose(observed: ObservedSurfaces, pose: FloatArray) -> Lines:

@@ -7,9 +7,11 @@ not closed beyond what the gate does: after a long way a wall often becomes a se
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sgraph_concepts.types import FloatArray, IntArray
 from sgraph_core.frontend.association import GATE, NONE, Gate, Lines
@@ -19,7 +21,7 @@ from sgraph_core.frontend.recording import Recording
 from sgraph_core.frontend.truth import observed_sources, surface_sources, truth_of_map
 from sgraph_core.graph import SGraph
 
-__all__ = ["MappedDrive", "build_map"]
+__all__ = ["MappedDrive", "build_map", "seen_again"]
 
 FEWEST_KEYFRAMES = 2
 """That saw a surface of the map."""
@@ -53,7 +55,7 @@ def build_map(recording: Recording, gate: Gate = GATE) -> MappedDrive:
         OptimizationError: the estimate is under-determined.
     """
     mapper = Mapper.run(recording, gate)
-    surfaces, associations = _seen_again(mapper)
+    surfaces, associations = _kept(mapper)
     graph = _graph(recording, mapper.poses, surfaces, associations)
     sources = observed_sources(recording, gate)
     true = surface_sources(associations, sources, len(surfaces))
@@ -61,16 +63,25 @@ def build_map(recording: Recording, gate: Gate = GATE) -> MappedDrive:
     return MappedDrive(graph, true)
 
 
-def _seen_again(mapper: Mapper) -> tuple[Lines, list[IntArray]]:
-    """Return the surfaces that two or more keyframes saw, and the associations with these."""
+def seen_again(associations: Sequence[IntArray], count: int) -> NDArray[np.bool_]:
+    """Return which of N surfaces two keyframes or more saw, [N].
+
+    Args:
+        associations: per keyframe, the surface of each observed one; NONE where there is none.
+        count: N.
+    """
+    keyframes = np.zeros(count, np.int64)
+    for seen in associations:
+        keyframes[np.unique(seen[seen != NONE])] += 1
+    return keyframes >= FEWEST_KEYFRAMES
+
+
+def _kept(mapper: Mapper) -> tuple[Lines, list[IntArray]]:
+    """Return the surfaces that were seen again, and the associations with these."""
     surfaces = mapper.surfaces()
-    keyframes = np.zeros(len(surfaces), np.int64)
-    for seen in mapper.associations:
-        keyframes[np.unique(seen)] += 1
-    kept = keyframes >= FEWEST_KEYFRAMES
+    kept = seen_again(mapper.associations, len(surfaces))
     numbers = np.where(kept, np.cumsum(kept) - 1, NONE)
-    lines = Lines(surfaces.segments[kept], surfaces.normals[kept])
-    return lines, [numbers[seen] for seen in mapper.associations]
+    return surfaces.take(kept), [numbers[seen] for seen in mapper.associations]
 
 
 def _graph(

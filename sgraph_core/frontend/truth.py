@@ -16,7 +16,7 @@ from sgraph_core.graph import TrueRoom, Truth
 from sgraph_core.synth.polygons import turn_left
 from sgraph_core.synth.walls import wall_gaps
 
-__all__ = ["observed_sources", "surface_sources", "truth_of_map"]
+__all__ = ["mapped_along_reference", "observed_sources", "surface_sources", "truth_of_map"]
 
 TRUE_GATE = Gate(angle_deg=15.0, offset_m=0.2, gap_m=0.0)
 """Between an observed surface placed by the reference pose and the true one."""
@@ -32,10 +32,9 @@ def observed_sources(recording: Recording, gate: Gate) -> list[IntArray]:
     In a simulated drive these are the building's surfaces. A log has no building: there the
     surfaces that the same front end maps with the reference poses stand for the true ones.
     """
-    poses = from_rows(recording.reference)
     if recording.building is None:
-        return _mapped_with_reference(recording, poses, gate)
-    built = recording.building.surfaces
+        return mapped_along_reference(recording, gate).associations
+    built, poses = recording.building.surfaces, from_rows(recording.reference)
     true = Lines(built.segments, built.normals)
     return [
         matches(seen_from_pose(observed, pose), true, TRUE_GATE)
@@ -43,11 +42,13 @@ def observed_sources(recording: Recording, gate: Gate) -> list[IntArray]:
     ]
 
 
-def _mapped_with_reference(recording: Recording, poses: FloatArray, gate: Gate) -> list[IntArray]:
+def mapped_along_reference(recording: Recording, gate: Gate) -> Mapper:
+    """Map a recording with its reference poses for odometry."""
+    poses = from_rows(recording.reference)
     motions = between(poses[:-1], poses[1:])
     sigmas = np.full((len(motions), 6), REFERENCE_SIGMA)
     exact = replace(recording, odometry=as_rows(motions), odometry_sigmas=sigmas)
-    return Mapper.run(exact, gate).associations
+    return Mapper.run(exact, gate)
 
 
 def surface_sources(associations: list[IntArray], sources: list[IntArray], count: int) -> IntArray:

@@ -132,7 +132,7 @@ def test_optimize_reports_to_stderr_and_moves_the_map(
     result = sgraph("infer", demo_map, "--optimize", "-o", out)
     assert result.returncode == 0
     assert result.stdout == ""
-    assert re.search(r"optimised \d+ factors: error \S+ -> \S+", result.stderr)
+    assert re.search(r"optimised \d+ factors in \d+ iterations: error \S+ -> \S+", result.stderr)
     before, after = map_file.load(demo_map), map_file.load(out)
     assert (before.keyframes.poses != after.keyframes.poses).any()
     assert len(after.concepts["room"]) == 16
@@ -310,6 +310,21 @@ def test_growth_is_told_of_two_sizes_or_more(sgraph: Any) -> None:
     assert (one.returncode, one.stderr) == (0, "")
     assert told not in one.stdout
     assert told in sgraph("bench", "speed", "--size", 30, "--size", 60, "--repeats", 1).stdout
+
+
+def test_updates_are_timed_by_room(sgraph: Any) -> None:
+    result = sgraph("bench", "updates", "--rooms", 3, "--rooms", 6)
+    assert (result.returncode, result.stderr) == (0, "")
+    assert re.search(
+        r"update and ISAM2 in 6 rooms take [\d.]+ times as long as in 3", result.stdout
+    )
+
+
+def test_optimisation_is_timed_on_blocks_of_rooms(sgraph: Any) -> None:
+    run = sgraph("bench", "solve", "--rooms", 4, "--rooms", 6, "--repeats", 1)
+    assert (run.returncode, run.stderr) == (0, "")
+    rows = [line.split("|")[1].strip() for line in run.stdout.splitlines() if line.startswith("|")]
+    assert rows[2:] == ["4", "6"]
 
 
 def test_schema_prints_json(sgraph: Any) -> None:

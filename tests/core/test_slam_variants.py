@@ -6,11 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from plans import block, plan
+from plans import block
 
 from sgraph_concepts.types import ConceptNode
 from sgraph_core.detector import Detector
-from sgraph_core.evaluation.slam.merging import merged
 from sgraph_core.evaluation.slam.metrics import align
 from sgraph_core.evaluation.slam.nodes import corrupted, described
 from sgraph_core.evaluation.slam.study import measure
@@ -19,7 +18,7 @@ from sgraph_core.evaluation.slam.variants import BASELINE, VARIANTS, Detectors
 from sgraph_core.frontend.building import Door, Floor
 from sgraph_core.frontend.lidar import Lidar
 from sgraph_core.frontend.simulation import simulate
-from sgraph_core.graph import SGraph, Truth
+from sgraph_core.graph import SGraph
 
 FLOOR = Floor(
     name="two rooms",
@@ -75,15 +74,27 @@ def test_planes_correct_odometry_and_published_factors_correct_nothing(
         assert error(name) == pytest.approx(error(BASELINE), rel=1e-4)
 
 
-def test_true_association_leaves_one_surface_per_true_one(
-    trial: Trial, detectors: Detectors
-) -> None:
+def test_the_oracle_knows_every_surface(trial: Trial) -> None:
+    graph, building = trial.oracle, trial.recording.building
+    assert building is not None
+    assert graph.truth is not None
+    assert set(graph.wall_surfaces.ids.tolist()) <= set(building.surfaces.ids.tolist())
+    assert len(graph.truth.rooms) == 2
+    assert set(map(tuple, building.walls.tolist())) >= set(graph.truth.walls)
+    true = building.surfaces.take(graph.wall_surfaces.ids)
+    off = ((graph.wall_surfaces.segments - true.midpoints[:, None]) * true.normals[:, None]).sum(2)
+    np.testing.assert_allclose(off, 0, atol=1e-9)
+    np.testing.assert_array_equal(graph.keyframes.poses, trial.recording.reference)
+
+
+def test_true_association_ties_the_true_walls(trial: Trial, detectors: Detectors) -> None:
     solved = VARIANTS["true association"].solve(trial, detectors)
-    sources = trial.mapped.sources
-    distinct = len(set(sources[sources >= 0].tolist())) + int((sources < 0).sum())
-    assert len(solved.wall_surfaces.ids) == distinct
     assert solved.truth is not None
     assert {node.members for node in solved.concepts["wall"]} == set(solved.truth.walls)
+    log = Trial(replace(trial.recording, building=None), 0)
+    solved = VARIANTS["true association"].solve(log, detectors)
+    assert solved.truth is None
+    assert solved.concepts["wall"]
 
 
 def test_a_log_has_the_map_along_its_reference_for_truth(trial: Trial) -> None:
@@ -102,27 +113,19 @@ def test_updates_are_the_map_as_it_grows(trial: Trial) -> None:
     assert updates[-1].seconds == last
     counts = [len(update.graph.wall_surfaces.ids) for update in updates]
     assert counts == sorted(counts)
-    assert counts[-1] == len(trial.mapped.graph.wall_surfaces.ids)
+    final = trial.mapped.graph
+    assert np.array_equal(updates[-1].graph.wall_surfaces.ids, final.wall_surfaces.ids)
+    np.testing.assert_allclose(
+        updates[-1].graph.wall_surfaces.segments, final.wall_surfaces.segments
+    )
     for update in updates:
-        assert update.graph.truth is not None
-        ids = set(update.graph.wall_surfaces.ids.tolist())
-        assert all(set(room.members) <= ids for room in update.graph.truth.rooms)
-
-
-def test_merging_joins_segments_observations_and_truth() -> None:
-    graph = plan([(0, 0), (6, 0), (6, 4), (0, 4)])
-    graph.add_wall_surface(7, [[5.0, 0.1], [8.0, 0.1]], [0, 1])
-    graph.add_keyframe(0, [3, 2, 0, 0, 0, 0, 1])
-    graph.observe(0, 0, [0, 1, 0, 2], [0.01, 0.02])
-    graph.observe(7, 0, [0, 1, 0, 1.9], [0.01, 0.02])
-    assert graph.truth is not None
-    graph.truth = Truth(graph.truth.rooms, ((2, 7), (0, 2)))
-    one = merged(graph, [[0, 7]])
-    assert one.wall_surfaces.ids.tolist() == [0, 1, 2, 3]
-    np.testing.assert_allclose(one.wall_surface(0).segment, [[0, 0], [8, 0]])
-    assert one.observations.surface_ids.tolist() == [0, 0]
-    assert one.truth is not None
-    assert one.truth.walls == ((0, 2),)
+        so_far = update.graph
+        assert so_far.truth is not None
+        ids = set(so_far.wall_surfaces.ids.tolist())
+        assert all(set(room.members) <= ids for room in so_far.truth.rooms)
+        for surface in ids:  # ids are those of the map in the end
+            facing = so_far.wall_surface(surface).normal @ final.wall_surface(surface).normal
+            assert facing > 0.9
 
 
 def with_nodes(detector: Detector) -> SGraph:

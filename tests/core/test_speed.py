@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import astuple
+
 import pytest
 
 from sgraph_core.detector import Detector
+from sgraph_core.evaluation.incremental import time_updates
 from sgraph_core.evaluation.speed import StageTimes, growth, time_stages
 
 
@@ -18,3 +21,11 @@ def test_every_stage_of_every_size_is_timed() -> None:
 def test_growth_is_the_exponent_of_a_power_law() -> None:
     times = [StageTimes(n, 0, 0, 0, 1e-3 * n**1.5) for n in (100, 1000, 10_000)]
     assert growth(times) == pytest.approx(1.5)
+
+
+def test_updates_are_timed_in_maps_of_every_size() -> None:
+    times = list(time_updates(Detector(), [4, 9], seed=0))
+    assert [t.rooms for t in times] == [4, 9]
+    for t in times:
+        assert min(t.inference, t.optimisation, t.whole) > 0
+        assert min(astuple(t.work)) > 0

@@ -23,7 +23,11 @@ def code_blocks(page: Path, language: str) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
 
 
-@pytest.mark.parametrize("page", [DOCS / "api.md", ROOT / "README.md"], ids=["api", "readme"])
+@pytest.mark.parametrize(
+    "page",
+    [DOCS / "api.md", DOCS / "slam.md", ROOT / "README.md"],
+    ids=["api", "slam", "readme"],
+)
 def test_the_pages_python_code_runs(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

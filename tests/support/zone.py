@@ -90,6 +90,25 @@ def failing_factor(_node: ConceptNode, _context: FactorContext) -> float:
     return 1 / 0
 
 
+class Moody:
+    """What its factor function does: fail, or add variables that nothing holds."""
+
+    fails = False
+    floats = False
+
+
+def moody_factor(node: ConceptNode, context: FactorContext) -> FactorResult:
+    if Moody.fails:
+        raise ArithmeticError("not today")
+    if not Moody.floats:
+        return FactorResult()
+    import gtsam
+
+    keys, noise = [context.new_key(k) for k in (0, 1)], gtsam.noiseModel.Unit.Create(2)
+    factor = gtsam.BetweenFactorPoint2(*keys, gtsam.Point2(0, 0), noise)
+    return FactorResult([factor], [(key, gtsam.Point2(0, 0)) for key in keys])
+
+
 def no_factor(_node: ConceptNode, _context: FactorContext) -> str:
     return "glue"
 

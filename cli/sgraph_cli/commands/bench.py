@@ -61,6 +61,54 @@ def speed(
         typer.echo(f"whole inference grows with surfaces to the power of {growth(times):.2f}")
 
 
+@app.command("updates")
+def updates(
+    rooms: Annotated[
+        list[int] | None,
+        typer.Option(min=2, help="Rooms of a map; 20, 100 and 1000 if not given."),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of the maps.")] = 0,
+) -> None:
+    """Time updates keyframe by keyframe at the end of drives through grids of rooms."""
+    from dataclasses import astuple
+
+    from rich import box
+    from rich.table import Table
+
+    from sgraph_core.detector import Detector
+    from sgraph_core.evaluation.incremental import ROOMS, time_updates
+
+    detector = Detector()
+    warn_about_plugins(list(detector.registry.problems))
+    sizes = rooms or list(ROOMS)
+    times = []
+    with progress() as report:
+        for done, update_times in enumerate(time_updates(detector, sizes, seed), start=1):
+            times.append(update_times)
+            report("timing", done, len(sizes))
+    table = Table(box=box.MARKDOWN)
+    for column in (
+        "rooms", "update [ms]", "ISAM2 [ms]", "whole inference instead [ms]",
+        "surfaces preprocessed", "pairs looked at", "rows of the network", "rows clustered",
+    ):  # fmt: skip
+        table.add_column(column, justify="right")
+    for t in times:
+        stages = (t.inference, t.optimisation, t.whole)
+        table.add_row(
+            str(t.rooms),
+            *(f"{1e3 * seconds:.1f}" for seconds in stages),
+            *map(str, astuple(t.work)),
+        )
+    print_table(table)
+    first, last = times[0], times[-1]
+    if last.rooms != first.rooms:
+        ratio = (last.inference + last.optimisation) / (first.inference + first.optimisation)
+        typer.echo(
+            f"update and ISAM2 in {last.rooms} rooms take {ratio:.2f} times as long "
+            f"as in {first.rooms}"
+        )
+
+
 @app.command("solve")
 def solve(
     rooms: Annotated[

@@ -1,8 +1,8 @@
-"""What a room tells the factor graph: surfaces of it that lie in one plane are one surface.
+"""What a room tells the factor graph: which surfaces may be one of its own, mapped twice.
 
 A wall surface that is seen again after the robot has drifted often becomes a second landmark.
-Inside one room no two surfaces lie side by side and face the same way, so they are taken for one.
-The copies may also have become a room of their own over this one, or belong to no room.
+The copy may be a member of this room, of a room of its own over this one, or of none. The back end
+lets all proposed pairs vote.
 """
 
 from __future__ import annotations
@@ -18,11 +18,10 @@ __all__ = ["factors"]
 SAME_ANGLE_RAD = np.radians(20.0)
 FARTHEST_M = 3.0
 """Beyond this distance a surface that faces the same way may well be another room's."""
-LEAST_OVERLAP_M = 0.3
 
 
 def factors(node: ConceptNode, context: FactorContext) -> FactorResult:
-    """Return the pairs of surfaces that are evidently one surface of this room seen twice."""
+    """Return the pairs of surfaces that may be one surface of this room seen twice."""
     surfaces = context.surfaces
     mine = np.flatnonzero(np.isin(surfaces.ids, node.members))
     if not len(mine):

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 import shapely
 
-from sgraph_concepts.types import IntArray, SurfaceArrays
+from sgraph_concepts.types import IntArray, Memory, SurfaceArrays
 from sgraph_core.geometry import dot, in_frames
 from sgraph_core.winding import winding
 
@@ -25,12 +26,15 @@ GRID_M = 1e-6
 """Coordinates are snapped to this grid, so that lines which meet do meet."""
 
 
-def outlines(rooms: Mapping[int, SurfaceArrays]) -> dict[int, shapely.Polygon]:
+def outlines(rooms: Mapping[int, SurfaceArrays], memory: Memory) -> dict[int, shapely.Polygon]:
     """Return the polygons that rooms' surfaces enclose; where two overlap, the smaller one stays.
 
     A room whose surfaces enclose nothing has none.
     """
-    whole = {room: outline(surfaces) for room, surfaces in rooms.items()}
+    whole = {
+        room: memory.recall(("outline", surfaces.content), partial(outline, surfaces))
+        for room, surfaces in rooms.items()
+    }
     found = {room: polygon for room, polygon in whole.items() if polygon is not None}
     ordered = sorted(found, key=lambda room: (found[room].area, room))
     tree = shapely.STRtree(np.array([found[room] for room in ordered], object))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -41,8 +42,13 @@ def shape(members: Mapping[int, IntArray], scene: Scene) -> dict[int, NodeShape]
     """
     rooms = {room: scene.surfaces.take(rows) for room, rows in members.items()}
     if scene.grid is None:
-        found = outlines(rooms)
-        open_ = {room: openings(polygon, rooms[room]) for room, polygon in found.items()}
+        found = outlines(rooms, scene.memory)
+        open_ = {
+            room: scene.memory.recall(
+                ("openings", polygon, rooms[room].content), partial(openings, polygon, rooms[room])
+            )
+            for room, polygon in found.items()
+        }
         doorways = doorways_between(open_)
     else:
         found = _of_free_cells(rooms, scene.grid)

@@ -7,21 +7,21 @@ from functools import cached_property
 
 import numpy as np
 
-from sgraph_concepts.types import FloatArray, SurfaceArrays
+from sgraph_concepts.types import FloatArray, IntArray, SurfaceArrays
 from sgraph_core.backend import optimize
 from sgraph_core.evaluation.slam.free_space import free_outlines
-from sgraph_core.frontend.association import NONE, Gate, seen_from_pose
+from sgraph_core.evaluation.slam.oracle import oracle_map
+from sgraph_core.frontend.association import GATE, Lines, seen_from_pose
 from sgraph_core.frontend.mapper import Mapper
-from sgraph_core.frontend.mapping import MappedDrive, build_map
-from sgraph_core.frontend.planar import as_rows, between, from_rows
+from sgraph_core.frontend.mapping import MappedDrive, build_map, seen_again
+from sgraph_core.frontend.planar import as_rows, from_rows
 from sgraph_core.frontend.recording import Recording
+from sgraph_core.frontend.truth import mapped_along_reference, observed_sources
 from sgraph_core.graph import SGraph, Truth
 
 __all__ = ["Trial", "Update"]
 
 FIRST_UPDATES, REGULAR_UPDATES = 20, 20
-REFERENCE_SIGMA = 1e-3
-"""Of motions between reference poses, rad and m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,35 +71,34 @@ class Trial:
             seen_from_pose(observed, pose)
             for observed, pose in zip(self.recording.observations, from_rows(rows), strict=True)
         ]
-        _add_lines(
-            graph,
-            np.concatenate([lines.segments for lines in seen]),
-            np.concatenate([lines.normals for lines in seen]),
-        )
+        segments = np.concatenate([lines.segments for lines in seen])
+        normals = np.concatenate([lines.normals for lines in seen])
+        _add_lines(graph, np.arange(len(segments)), Lines(segments, normals))
         return graph
-
-    @cached_property
-    def same_surfaces(self) -> list[list[int]]:
-        """Ids of the mapped surfaces that are one surface in truth, group by group."""
-        groups: dict[int, list[int]] = {}
-        for surface, source in enumerate(self.mapped.sources.tolist()):
-            if source != NONE:
-                groups.setdefault(source, []).append(surface)
-        return list(groups.values())
 
     @cached_property
     def true_surfaces(self) -> SurfaceArrays:
         """The building's surfaces; of a log, those that the front end maps along the reference."""
+        true, sources = self._truth
         if self.recording.building is not None:
-            return self.recording.building.surfaces
-        poses = from_rows(self.recording.reference)
-        motions = between(poses[:-1], poses[1:])
-        sigmas = np.full((len(motions), 6), REFERENCE_SIGMA)
-        exact = replace(self.recording, odometry=as_rows(motions), odometry_sigmas=sigmas)
-        graph = SGraph()
-        lines = Mapper.run(exact, Gate()).surfaces()
-        _add_lines(graph, lines.segments, lines.normals)
-        return graph.wall_surfaces.ordered()
+            return true
+        return true.take(seen_again(sources, len(true)))
+
+    @cached_property
+    def oracle(self) -> SGraph:
+        """The map with true association; see :func:`oracle_map`."""
+        return oracle_map(self.recording, *self._truth)
+
+    @cached_property
+    def _truth(self) -> tuple[SurfaceArrays, list[IntArray]]:
+        """The true surfaces, and per keyframe the one that each observed one is of."""
+        recording = self.recording
+        if recording.building is not None:
+            return recording.building.surfaces, observed_sources(recording, GATE)
+        mapper = mapped_along_reference(recording, GATE)
+        lines, graph = mapper.surfaces(), SGraph()
+        _add_lines(graph, np.arange(len(lines)), lines)
+        return graph.wall_surfaces.ordered(), mapper.associations
 
     @cached_property
     def free_outlines(self) -> list[list[FloatArray]]:
@@ -114,8 +113,8 @@ class Trial:
         """
         recording = self.recording
         regular = set(np.linspace(0, len(recording) - 1, REGULAR_UPDATES).round().tolist())
-        mapper = Mapper(from_rows(recording.reference[:1])[0], Gate())
-        updates = []
+        mapper = Mapper(from_rows(recording.reference[:1])[0], GATE)
+        stages = []
         for number, observed in enumerate(recording.observations):
             if number == 0:
                 mapper.add(observed)
@@ -123,34 +122,39 @@ class Trial:
                 motion = recording.odometry[number - 1], recording.odometry_sigmas[number - 1]
                 mapper.add(observed, *motion)
             if number < FIRST_UPDATES or number in regular:
-                seconds = float(recording.stamps[number] - recording.stamps[0])
-                updates.append(Update(seconds, number in regular, self._so_far(mapper)))
-        return updates
+                lines = mapper.surfaces()
+                stages.append((mapper.poses, lines, seen_again(mapper.associations, len(lines))))
+        ids = np.cumsum(seen_again(mapper.associations, len(mapper.surfaces()))) - 1
+        return [
+            Update(
+                float(recording.stamps[len(poses) - 1] - recording.stamps[0]),
+                len(poses) - 1 in regular,
+                self._so_far(poses, ids[: len(lines)][kept], lines.take(kept)),
+            )
+            for poses, lines, kept in stages
+        ]
 
-    def _so_far(self, mapper: Mapper) -> SGraph:
+    def _so_far(self, poses: FloatArray, ids: IntArray, lines: Lines) -> SGraph:
         graph = SGraph(self.recording.name)
-        count = len(mapper.poses)
-        stamps = self.recording.stamps[:count]
-        graph.extend_keyframes(np.arange(count), as_rows(mapper.poses), stamps)
-        lines = mapper.surfaces()
-        _add_lines(graph, lines.segments, lines.normals)
-        graph.truth = _known(self.mapped.graph.truth, len(lines))
+        graph.extend_keyframes(
+            np.arange(len(poses)), as_rows(poses), self.recording.stamps[: len(poses)]
+        )
+        _add_lines(graph, ids, lines)
+        graph.truth = _known(self.mapped.graph.truth, set(ids.tolist()))
         return graph
 
 
-def _add_lines(graph: SGraph, segments: FloatArray, normals: FloatArray) -> None:
-    unknown = np.full((len(segments), 2), np.nan)
-    graph.extend_wall_surfaces(np.arange(len(segments)), segments, normals, unknown)
+def _add_lines(graph: SGraph, ids: IntArray, lines: Lines) -> None:
+    unknown = np.full((len(lines), 2), np.nan)
+    graph.extend_wall_surfaces(ids, lines.segments, lines.normals, unknown)
 
 
-def _known(truth: Truth | None, count: int) -> Truth | None:
-    """Return the truth about surfaces of ids below a count."""
+def _known(truth: Truth | None, ids: set[int]) -> Truth | None:
+    """Return the truth about surfaces of the given ids."""
     if truth is None:
         return None
-    rooms = (
-        replace(room, members=tuple(i for i in room.members if i < count)) for room in truth.rooms
-    )
+    rooms = (replace(room, members=tuple(ids & set(room.members))) for room in truth.rooms)
     return Truth(
         tuple(room for room in rooms if room.members),
-        tuple(wall for wall in truth.walls if max(wall) < count),
+        tuple(wall for wall in truth.walls if set(wall) <= ids),
     )

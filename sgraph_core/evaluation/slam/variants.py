@@ -12,7 +12,6 @@ from sgraph_core.api import infer_and_optimize
 from sgraph_core.backend import optimize
 from sgraph_core.detector import Detector
 from sgraph_core.evaluation.slam.free_space import free_space_rooms
-from sgraph_core.evaluation.slam.merging import merged
 from sgraph_core.evaluation.slam.nodes import corrupted, described
 from sgraph_core.evaluation.slam.trial import Trial
 from sgraph_core.graph import SGraph
@@ -111,13 +110,13 @@ def _ours(concepts: tuple[str, ...]) -> tuple[Solve, Detect]:
 
 
 def _true_association(trial: Trial, detectors: Detectors) -> SGraph:
-    """Merge the surfaces that are one in truth, and tie the true walls; found ones in a log."""
-    registry = detectors.ours.registry
-    graph = optimize(merged(trial.straightened, trial.same_surfaces)).graph
+    """Solve the oracle's map with the true walls; of a log, with those found in that map."""
+    graph = optimize(trial.oracle).graph
     if graph.truth is None:
         graph = detectors.ours.infer(graph, ["wall"])
     else:
-        graph.concepts = {"wall": described(graph, "wall", graph.truth.walls, registry)}
+        walls = described(graph, "wall", graph.truth.walls, detectors.ours.registry)
+        graph.concepts = {"wall": walls}
     return optimize(graph).graph
 
 

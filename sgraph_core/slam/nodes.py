@@ -1,0 +1,155 @@
+"""The nodes of one concept while the map changes: ids stay, and only what changed is looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from sgraph_concepts.errors import InputError
+from sgraph_concepts.types import ConceptNode, NodeShape
+from sgraph_core.nodes import persisting
+from sgraph_core.slam.clusters import Members
+from sgraph_core.tables import LARGEST_ID
+
+__all__ = ["LiveNodes", "NodeChanges"]
+
+SAME_CONFIDENCE = 0.02
+"""A node whose confidence alone changes by no more than this is the same."""
+
+
+@dataclass(frozen=True)
+class NodeChanges:
+    """What became of the nodes of a concept.
+
+    Attributes:
+        added: new ones, by id.
+        changed: those with other members, another shape or another confidence, as they are now.
+        removed: those that are gone, as they were.
+    """
+
+    added: list[ConceptNode] = field(default_factory=list)
+    changed: list[ConceptNode] = field(default_factory=list)
+    removed: list[ConceptNode] = field(default_factory=list)
+
+    def __bool__(self) -> bool:
+        return bool(self.added or self.changed or self.removed)
+
+
+class LiveNodes:
+    """The nodes of a concept.
+
+    Attributes:
+        by_id: all nodes.
+    """
+
+    def __init__(self, concept: str, nodes: Sequence[ConceptNode] = ()) -> None:
+        self._concept = concept
+        self.by_id = {node.id: node for node in nodes}
+        self._of_members = {frozenset(node.members): node.id for node in nodes}
+        self._of_member: dict[int, set[int]] = {}
+        for node in nodes:
+            self._enter(node)
+        self._next = max(self.by_id, default=-1) + 1
+
+    @property
+    def members(self) -> set[Members]:
+        """The members of each node."""
+        return set(self._of_members)
+
+    def after(self, changes: NodeChanges) -> list[ConceptNode]:
+        """Return all nodes as they will be after some changes."""
+        gone = {node.id for node in changes.removed}
+        now = self.by_id | {node.id: node for node in (*changes.changed, *changes.added)}
+        return [node for node in now.values() if node.id not in gone]
+
+    def having(self, member: int) -> list[ConceptNode]:
+        """Return the nodes that have a member."""
+        return [self.by_id[i] for i in sorted(self._of_member.get(member, ()))]
+
+    def compare(
+        self, now: Mapping[Members, float | None]
+    ) -> tuple[NodeChanges, dict[int, Members]]:
+        """Return what changes when there are nodes of these members, this sure, or none.
+
+        A node persists in one of the same members, else in one that shares half of the smaller
+        one's members or more, matched one to one; an id is not used again.
+
+        Returns:
+            The changes, shapes not yet looked at; the members of all nodes that there are of
+            these, by id.
+
+        Raises:
+            InputError: there is no id left.
+        """
+        came, gone, changed, there = [], [], [], {}
+        for members, confidence in now.items():
+            before = self.by_id.get(self._of_members.get(members, -1))
+            if confidence is None:
+                gone += [before] if before else []
+            elif before is None:
+                came.append(ConceptNode(0, tuple(sorted(members)), confidence=confidence))
+            else:
+                there[before.id] = members
+                if not _as_sure(before.confidence, confidence):
+                    changed.append(replace(before, confidence=confidence))
+        came.sort(key=lambda node: node.members)
+        gone = _by_id(gone)
+        inherited = persisting(came, gone, {})
+        changed += [
+            replace(before, members=came[k].members, confidence=came[k].confidence)
+            for k, before in inherited.items()
+        ]
+        new = [node for k, node in enumerate(came) if k not in inherited]
+        if self._next + len(new) > LARGEST_ID + 1:
+            raise InputError(f"there is no id left for a {self._concept}")
+        added = [replace(node, id=self._next + k) for k, node in enumerate(new)]
+        there |= {node.id: frozenset(node.members) for node in (*added, *changed)}
+        kept = {before.id for before in inherited.values()}
+        return NodeChanges(added, changed, [node for node in gone if node.id not in kept]), there
+
+    def shaped(self, changes: NodeChanges, shapes: Mapping[int, NodeShape]) -> NodeChanges:
+        """Return changes with these shapes, and with the nodes whose shape alone has changed."""
+        told = {node.id for node in (*changes.added, *changes.changed)}
+        others = [
+            replace(self.by_id[i], shape=shape)
+            for i, shape in shapes.items()
+            if i not in told and self.by_id[i].shape != shape
+        ]
+        added, changed = (
+            [replace(node, shape=shapes.get(node.id, node.shape)) for node in nodes]
+            for nodes in (changes.added, changes.changed)
+        )
+        return NodeChanges(added, _by_id([*changed, *others]), _by_id(changes.removed))
+
+    def replaced_by(self, nodes: Sequence[ConceptNode]) -> NodeChanges:
+        """Return what changes when there are these nodes and no others."""
+        now = {node.id: node for node in nodes}
+        return NodeChanges(
+            [node for node in nodes if node.id not in self.by_id],
+            [node for node in nodes if self.by_id.get(node.id, node) != node],
+            [node for node in self.by_id.values() if node.id not in now],
+        )
+
+    def apply(self, changes: NodeChanges) -> None:
+        """Make changes."""
+        for node in (*changes.removed, *(self.by_id[node.id] for node in changes.changed)):
+            del self.by_id[node.id], self._of_members[frozenset(node.members)]
+            for member in node.members:
+                self._of_member[member].discard(node.id)
+        for node in (*changes.changed, *changes.added):
+            self.by_id[node.id] = node
+            self._of_members[frozenset(node.members)] = node.id
+            self._enter(node)
+        self._next = max([self._next, *(node.id + 1 for node in changes.added)])
+
+    def _enter(self, node: ConceptNode) -> None:
+        for member in node.members:
+            self._of_member.setdefault(member, set()).add(node.id)
+
+
+def _as_sure(before: float | None, now: float) -> bool:
+    return before is not None and abs(before - now) <= SAME_CONFIDENCE
+
+
+def _by_id(nodes: Sequence[ConceptNode]) -> list[ConceptNode]:
+    return sorted(nodes, key=lambda node: node.id)

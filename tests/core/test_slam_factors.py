@@ -1,0 +1,517 @@
+"""A ConceptTracker's factors in ISAM2 and in batch graphs, on the caller's keys and on ours."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import gtsam
+import numpy as np
+import pytest
+from drive import drive
+from plans import block, plan, rectangle, true_rooms
+from zone import Moody
+
+from sgraph_concepts.errors import ConceptError, InputError, OptimizationError
+from sgraph_concepts.types import FloatArray
+from sgraph_core.backend import Keys, low_layers, optimize
+from sgraph_core.detector import Detector
+from sgraph_core.evaluation.incremental import drive_through
+from sgraph_core.evaluation.trajectory import ate_rmse
+from sgraph_core.graph import SGraph
+from sgraph_core.slam import ConceptTracker, Update
+from sgraph_core.slam.smoother import Smoother
+
+OWN = Keys(
+    keyframe=lambda i: 1000 + i,
+    surface=lambda i: 5000 + i,
+    node=lambda concept, i, v: (9 if concept == "room" else 8) * 10**6 + 1000 * i + v,
+    tie=lambda one, two: 10**7 + 1000 * one + two,
+)
+
+
+def keyframes_of(graph: SGraph) -> list[Callable[[SGraph | ConceptTracker], None]]:
+    """Return a call for each keyframe that adds it, and all that it sees, to a graph or tracker."""
+    first_seen: dict[int, int] = {}
+    table, motion, seen = graph.keyframes, graph.odometry, graph.observations
+    for surface, keyframe in zip(
+        seen.surface_ids.tolist(), seen.keyframe_ids.tolist(), strict=True
+    ):
+        first_seen.setdefault(surface, keyframe)
+
+    def enter(target: SGraph | ConceptTracker, keyframe: int) -> None:
+        target.add_keyframe(keyframe, table.poses[keyframe])
+        for row in np.flatnonzero(motion.to_ids == keyframe):
+            target.add_odometry(
+                int(motion.from_ids[row]), keyframe, motion.poses[row], motion.sigmas[row]
+            )
+        for surface, first in first_seen.items():
+            if first == keyframe:
+                view = graph.wall_surface(surface)
+                target.add_wall_surface(surface, view.segment, view.normal)
+        for row in np.flatnonzero(seen.keyframe_ids == keyframe):
+            surface = int(seen.surface_ids[row])
+            target.observe(surface, keyframe, seen.planes[row], seen.sigmas[row])
+
+    return [lambda target, k=k: enter(target, k) for k in table.ids.tolist()]  # type: ignore[misc]
+
+
+class Caller:
+    """A SLAM system with an ISAM2 of its own: its factors on its keys, and the tracker's."""
+
+    def __init__(self, tracker: ConceptTracker) -> None:
+        params = gtsam.ISAM2Params()
+        params.relinearizeSkip = 1
+        params.setRelinearizeThreshold(1e-4)
+        self.tracker, self.isam = tracker, gtsam.ISAM2(params)
+        self.graph, self._smoother = SGraph(), Smoother(OWN)
+        self._smoother._isam = self.isam
+
+    def see(self, enter: Callable[[SGraph | ConceptTracker], None]) -> Update:
+        enter(self.graph)
+        enter(self.tracker)
+        return self.step()
+
+    def step(self) -> Update:
+        update = self.tracker.update()
+        self._smoother.check(self.graph)
+        self.tracker.placed(self._smoother.add(self.graph, update))
+        return update
+
+    def settled(self) -> gtsam.Values:
+        for _ in range(30):
+            self.isam.update()
+        return self.isam.calculateEstimate()
+
+
+def factors_by_keys(
+    graph: gtsam.NonlinearFactorGraph, at: gtsam.Values
+) -> list[tuple[object, ...]]:
+    """Return each factor as its type, its keys and its error at some values."""
+    factors = [graph.at(k) for k in range(graph.size()) if graph.exists(k)]
+    return sorted((type(f).__name__, tuple(f.keys()), round(f.error(at), 9)) for f in factors)
+
+
+# -- in the caller's own graph -----------------------------------------------------------------
+
+
+def test_isam2_ends_where_batch_optimisation_of_the_same_factors_does(detector: Detector) -> None:
+    caller = Caller(ConceptTracker(detector=detector, keys=OWN))
+    for enter in keyframes_of(drive(0).graph):
+        caller.see(enter)
+    estimate = caller.settled()
+    graph = gtsam.NonlinearFactorGraph()
+    graph.push_back(caller.isam.getFactorsUnsafe())
+    solved = gtsam.LevenbergMarquardtOptimizer(graph, estimate).optimize()
+    assert graph.error(estimate) == pytest.approx(graph.error(solved), rel=1e-3)
+    for keyframe in caller.graph.keyframes.ids.tolist():
+        ours = estimate.atPose3(OWN.keyframe(keyframe))
+        assert ours.range(solved.atPose3(OWN.keyframe(keyframe)).translation()) < 2e-3
+
+
+def test_the_graph_holds_the_factors_of_the_nodes_as_they_are(detector: Detector) -> None:
+    """A tracker that was told everything at once hands out what the other's graph has come to."""
+    rooms = {"room": "published", "wall": "none"}
+    caller = Caller(ConceptTracker(detector=detector, keys=OWN, factor_types=rooms))
+    for enter in keyframes_of(drive(3).graph):
+        caller.see(enter)
+    at_once = ConceptTracker(caller.tracker.snapshot(), detector, OWN, rooms).update()
+    estimate = caller.isam.calculateEstimate()
+    low = low_layers(caller.graph, OWN)
+    both = gtsam.NonlinearFactorGraph(low.graph)
+    both.push_back(at_once.factors)
+    kept = [entry[:2] for entry in factors_by_keys(caller.isam.getFactorsUnsafe(), estimate)]
+    assert kept == [entry[:2] for entry in factors_by_keys(both, estimate)]
+    expected = set(low.values.keys()) | set(at_once.values.keys())
+    assert set(estimate.keys()) == expected
+
+
+def two_rooms_seen_from_both() -> SGraph:
+    """Return two rooms, a keyframe in each; the wall between them is 1 and 7."""
+    graph = plan(rectangle(0, 0, 5, 4), rectangle(5.15, 0, 5, 4), walls=[(1, 7)])
+    for keyframe, x in enumerate((2.0, 7.0)):
+        graph.add_keyframe(keyframe, [x, 2, 0, 0, 0, 0, 1])
+    graph.add_odometry(0, 1, [5, 0, 0, 0, 0, 0, 1], [1e-3] * 6)
+    for surface in graph.wall_surfaces.ids.tolist():
+        view = graph.wall_surface(surface)
+        distance = float(view.normal @ ([2.0 if surface < 4 else 7.0, 2.0] - view.segment[0]))
+        graph.observe(surface, int(surface >= 4), [*view.normal, 0, distance], [0.01, 0.02])
+    return graph
+
+
+def begun_with(surfaces: list[list[int]], detector: Detector) -> tuple[Caller, list[Update]]:
+    """Let a caller map surfaces of the two rooms in steps."""
+    graph = two_rooms_seen_from_both()
+    factor_types = {"room": "published"}
+    caller = Caller(ConceptTracker(detector=detector, keys=OWN, factor_types=factor_types))
+    seen, updates = graph.observations, []
+    for target in (caller.graph, caller.tracker):
+        for keyframe in (0, 1):
+            target.add_keyframe(keyframe, graph.keyframes.poses[keyframe])
+        target.add_odometry(0, 1, graph.odometry.poses[0], graph.odometry.sigmas[0])
+    for step in surfaces:
+        for surface in step:
+            view = graph.wall_surface(surface)
+            for target in (caller.graph, caller.tracker):
+                target.add_wall_surface(surface, view.segment, view.normal)
+                target.observe(surface, int(surface >= 4), seen.planes[surface], [0.01, 0.02])
+        updates.append(caller.step())
+    return caller, updates
+
+
+def test_a_wrong_room_that_is_split_later_leaves_no_trace(detector: Detector) -> None:
+    outer, between = [0, 2, 3, 4, 5, 6], [1, 7]
+    mistaken, (first, second) = begun_with([outer, between], detector)
+    (wrong,) = first.nodes["room"].added
+    assert set(wrong.members) > {3, 5}, "the wall between is not mapped yet: one room"
+    assert first.factors.size() == len(second.remove) == 1
+    right, _ = begun_with([sorted(outer + between)], detector)
+    rooms = {frozenset(node.members) for node in mistaken.tracker.nodes("room")}
+    assert rooms == {frozenset(range(4)), frozenset(range(4, 8))}
+
+    def renamed(caller: Caller) -> dict[int, int]:
+        """Number the rooms' variables by the rooms' members, for ids differ."""
+        nodes = sorted(caller.tracker.nodes("room"), key=lambda node: node.members)
+        return {OWN.node("room", node.id, 0): k for k, node in enumerate(nodes)}
+
+    estimates = [caller.settled() for caller in (mistaken, right)]
+    graphs, variables = [], []
+    for caller, estimate in zip((mistaken, right), estimates, strict=True):
+        number = renamed(caller)
+        graphs.append(
+            sorted(
+                (name, tuple(number.get(key, key) for key in keys), round(error, 6))
+                for name, keys, error in factors_by_keys(caller.isam.getFactorsUnsafe(), estimate)
+            )
+        )
+        variables.append(sorted(number.get(key, key) for key in estimate.keys()))  # noqa: SIM118
+    assert graphs[0] == graphs[1]
+    assert variables[0] == variables[1]
+
+
+def test_isam2_drops_the_variables_of_nodes_that_are_gone(detector: Detector) -> None:
+    caller, _ = begun_with([[0, 2, 3, 4, 5, 6]], detector)
+    (wrong,) = caller.tracker.nodes("room")
+    key = OWN.node("room", wrong.id, 0)
+    assert caller.isam.calculateEstimate().exists(key)
+    apart = {
+        surface: (segment + np.array([0.0, 30.0 * surface]), normal)
+        for surface, segment, normal in zip(
+            caller.graph.wall_surfaces.ids.tolist(),
+            caller.graph.wall_surfaces.segments,
+            caller.graph.wall_surfaces.normals,
+            strict=True,
+        )
+    }
+    caller.tracker.move(surfaces=apart)
+    update = caller.step()
+    assert update.unused == [key]
+    assert [node.id for node in update.nodes["room"].removed] == [wrong.id]
+    assert not caller.isam.calculateEstimate().exists(key)
+    held = caller.isam.getFactorsUnsafe()
+    assert key not in held.keyVector()
+
+
+def test_a_batch_graph_is_kept_up_to_date_by_the_same_updates(detector: Detector) -> None:
+    """Factors are removed by index, which leaves holes that gtsam's batch optimisers skip."""
+    simulated = drive(0)
+    tracker, graph = ConceptTracker(detector=detector), SGraph()
+    concepts, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    for enter in keyframes_of(simulated.graph):
+        enter(graph)
+        enter(tracker)
+        update = tracker.update()
+        for index in update.remove:
+            concepts.remove(index)
+        first = concepts.size()
+        concepts.push_back(update.factors)
+        tracker.placed(range(first, concepts.size()))
+        for key in update.unused:
+            values.erase(key)
+        values.insert(update.values)
+    low = low_layers(graph)
+    whole = gtsam.NonlinearFactorGraph(low.graph)
+    whole.push_back(concepts)
+    start = gtsam.Values(low.values)
+    start.insert(values)
+    solved = gtsam.LevenbergMarquardtOptimizer(whole, start).optimize()
+    assert set(solved.keys()) == set(whole.keyVector())
+    positions = np.array([solved.atPose3(Keys().keyframe(i)).translation() for i in range(24)])
+    alone = ate_rmse(
+        optimize(graph, {"wall": "none", "room": "none"}).graph.keyframes.poses[:, :3],
+        simulated.positions,
+    )
+    assert ate_rmse(positions, simulated.positions) < 0.9 * alone
+
+
+def test_a_surface_observed_late_joins_the_factors_then(detector: Detector) -> None:
+    graph = block(0.15)
+    tracker = ConceptTracker(detector=detector)
+    tracker.add_keyframe(0, [2, 2, 0, 0, 0, 0, 1])
+    for surface in graph.wall_surfaces.ids.tolist():
+        view = graph.wall_surface(surface)
+        tracker.add_wall_surface(surface, view.segment, view.normal)
+    assert tracker.update().factors.size() == 0, "no plane variable, no factor"
+    tracker.observe(1, 0, [-1, 0, 0, 3], [0.01, 0.02])
+    tracker.observe(7, 0, [1, 0, 0, 3], [0.01, 0.02])
+    update = tracker.update()
+    assert set(update.factors.keyVector()) >= {Keys().surface(1), Keys().surface(7)}
+    assert not any(update.nodes.values())
+
+
+# -- optimised by the tracker itself ---------------------------------------------------------------
+
+
+def test_the_trackers_own_optimisation_straightens_a_drive(detector: Detector) -> None:
+    for seed in (0, 1, 2):
+        simulated = drive(seed)
+        tracker = ConceptTracker(detector=detector)
+        for enter in keyframes_of(simulated.graph):
+            enter(tracker)
+            tracker.optimize()
+        result = tracker.snapshot()
+        alone = optimize(simulated.graph, {"wall": "none", "room": "none"}).graph
+        ours, planes_only = (
+            ate_rmse(graph.keyframes.poses[:, :3], simulated.positions) for graph in (result, alone)
+        )
+        assert ours < 1.02 * planes_only
+        assert ours < 0.5 * ate_rmse(simulated.graph.keyframes.poses[:, :3], simulated.positions)
+        for surface in np.unique(result.observations.surface_ids).tolist():
+            before = simulated.graph.wall_surface(surface)
+            assert before.normal @ result.wall_surface(surface).normal > 0.5
+
+
+def test_surfaces_mapped_twice_are_tied_on_request(detector: Detector) -> None:
+    for seed in (0, 3, 5):
+        simulated, tracker = drive(seed), ConceptTracker(detector=detector)
+        for enter in keyframes_of(simulated.graph):
+            enter(tracker)
+            tracker.optimize()
+        before = tracker.snapshot().keyframes.poses
+        assert tracker.associate().factors.size()
+        tracker.optimize()
+        after = tracker.snapshot().keyframes.poses
+        errors = [ate_rmse(poses[:, :3], simulated.positions) for poses in (before, after)]
+        assert errors[1] < errors[0]
+        again = tracker.associate()
+        assert (again.factors.size(), again.remove) == (0, []), "all is tied"
+
+
+def test_ties_go_with_the_nodes_that_proposed_them(detector: Detector) -> None:
+    caller = Caller(ConceptTracker(detector=detector, keys=OWN))
+    for enter in keyframes_of(drive(0).graph):
+        caller.see(enter)
+    caller.tracker.follow(caller.settled())
+    caller.step()
+    update = caller.tracker.associate()
+    tied = set(update.values.keys())
+    assert tied
+    caller.tracker.placed(caller._smoother.add(caller.graph, update))
+    assert tied <= set(caller.isam.calculateEstimate().keys())
+    table = caller.graph.wall_surfaces
+    scattered = {
+        i: (segment + np.array([0.0, 40.0 * i]), normal)
+        for i, segment, normal in zip(
+            table.ids.tolist(), table.segments, table.normals, strict=True
+        )
+    }
+    caller.tracker.move(surfaces=scattered)
+    caller.step()
+    assert not caller.tracker.nodes("room")
+    gone = caller.tracker.associate()
+    assert set(gone.unused) == tied
+    caller.tracker.placed(caller._smoother.add(caller.graph, gone))
+    assert not tied & set(caller.isam.calculateEstimate().keys())
+
+
+def test_keyframes_that_odometry_does_not_connect_are_named(detector: Detector) -> None:
+    tracker = ConceptTracker(detector=detector)
+    with pytest.raises(OptimizationError, match="the map has no keyframes"):
+        tracker.optimize()
+    tracker.add_keyframe(0, [0, 0, 0, 0, 0, 0, 1])
+    tracker.add_keyframe(7, [1, 0, 0, 0, 0, 0, 1])
+    with pytest.raises(OptimizationError, match="does not connect keyframe 7"):
+        tracker.optimize()
+    tracker.add_odometry(0, 7, [1, 0, 0, 0, 0, 0, 1], [0.1] * 6)
+    tracker.optimize()
+
+
+def test_a_graph_is_the_callers_or_the_trackers(detector: Detector) -> None:
+    caller = Caller(ConceptTracker(detector=detector, keys=OWN))
+    tracker = ConceptTracker(detector=detector)
+    for enter in keyframes_of(drive(0).graph)[:5]:
+        enter(tracker)
+        tracker.optimize()
+        caller.see(enter)
+    with pytest.raises(InputError, match="a graph of its own"):
+        tracker.update()
+    with pytest.raises(InputError, match="a graph of the caller's"):
+        caller.tracker.optimize()
+
+
+# -- failure -----------------------------------------------------------------------------------
+
+
+def state(tracker: ConceptTracker) -> tuple[object, ...]:
+    graph = tracker.snapshot()
+    arrays = (graph.keyframes.poses, graph.wall_surfaces.segments, graph.observations.planes)
+    return graph.concepts, [array.tolist() for array in arrays]
+
+
+def test_a_plugin_that_fails_changes_nothing_and_the_next_update_makes_up_for_it(
+    detector: Detector, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    factor_types = {"room": "zone:moody_factor"}
+    caller, calm = (
+        Caller(ConceptTracker(detector=detector, keys=OWN, factor_types=factor_types))
+        for _ in range(2)
+    )
+    keyframes = keyframes_of(drive(1).graph)
+    for number, enter in enumerate(keyframes[:16]):
+        if number == 9:
+            enter(caller.graph)
+            enter(caller.tracker)
+            before = state(caller.tracker)
+            monkeypatch.setattr(Moody, "fails", True)
+            for _ in range(2):
+                with pytest.raises(ConceptError, match=r"factor of room \d fails: not today"):
+                    caller.tracker.update()
+                assert state(caller.tracker) == before
+            monkeypatch.setattr(Moody, "fails", False)
+            caller.step()
+        else:
+            caller.see(enter)
+        calm.see(enter)
+    for concept in ("room", "wall"):
+        nodes = zip(caller.tracker.nodes(concept), calm.tracker.nodes(concept), strict=True)
+        for ours, theirs in nodes:
+            assert replace(ours, confidence=None) == replace(theirs, confidence=None)
+            assert ours.confidence == pytest.approx(theirs.confidence, abs=1e-6)
+    estimates = caller.settled(), calm.settled()
+    made_up, as_usual = (
+        factors_by_keys(c.isam.getFactorsUnsafe(), estimates[1]) for c in (caller, calm)
+    )
+    assert made_up == as_usual
+
+
+def test_a_graph_that_cannot_be_solved_is_named_and_built_anew(
+    detector: Detector, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    keyframes = keyframes_of(drive(1).graph)
+    moody, calm = (
+        ConceptTracker(detector=detector, factor_types={"room": "zone:moody_factor"})
+        for _ in range(2)
+    )
+    for number, enter in enumerate(keyframes[:8]):
+        enter(moody)
+        enter(calm)
+        calm.optimize()
+        if number == 6:
+            where = moody.snapshot().keyframes.poses.tolist()
+            monkeypatch.setattr(Moody, "floats", True)
+            with pytest.raises(OptimizationError, match="the factor graph cannot be solved"):
+                moody.optimize()
+            assert moody.snapshot().keyframes.poses.tolist() == where
+            monkeypatch.setattr(Moody, "floats", False)
+        moody.optimize()
+    poses = [tracker.snapshot().keyframes.poses for tracker in (moody, calm)]
+    assert poses[0] == pytest.approx(poses[1], abs=0.02)
+
+
+def test_two_nodes_with_one_variable_are_refused(detector: Detector) -> None:
+    one_key = Keys(node=lambda _concept, _i, _v: 77)
+    tracker = ConceptTracker(detector=detector, keys=one_key)
+    for enter in keyframes_of(drive(1).graph):
+        enter(tracker)
+    with pytest.raises(ConceptError, match=r"(room|wall) \d+: its variable 77 exists already"):
+        tracker.update()
+
+
+def bad_calls(tracker: ConceptTracker) -> dict[str, Callable[[], object]]:
+    segment: FloatArray = np.array([[0.0, 0.0], [0.0, 1.0]])
+    level = [0.0, 0, 0, 0, 0, 0, 1]
+    return {
+        r"keyframes\[0\].id = 0: must be unique": lambda: tracker.add_keyframe(0, level),
+        r"wall_surfaces\[0\].id = 0: must be unique": lambda: tracker.add_wall_surface(
+            0, segment, [1, 0]
+        ),
+        r"observations\[0\].surface = 99: must be the id": lambda: tracker.observe(
+            99, 0, [1, 0, 0, 1], [0.1, 0.1]
+        ),
+        r"wall_surfaces\[0\].segment .* must be finite": lambda: tracker.move(
+            surfaces={0: ([[0, 0], [np.nan, 1]], [1, 0])}
+        ),
+        r"wall_surfaces\[0\].id = 99": lambda: tracker.move(
+            {0: [5.0, *level[1:]]}, {99: (segment, [1, 0])}
+        ),
+        r"pose = .* must have shape \[7\]": lambda: tracker.move({0: [1, 2, 3]}),
+        r"id '0': must be an integer": lambda: tracker.move({"0": level}),  # type: ignore[dict-item]
+        "concept 'roof' is not inferred": lambda: tracker.nodes("roof"),
+        "2 indices are given for 0 factors": lambda: tracker.placed([1, 2]),
+    }
+
+
+@pytest.mark.parametrize("number", range(9))
+def test_bad_input_is_named_and_changes_nothing(number: int, detector: Detector) -> None:
+    tracker = ConceptTracker(detector=detector)
+    keyframes_of(drive(0).graph)[0](tracker)
+    tracker.placed(range(tracker.update().factors.size()))
+    before = state(tracker)
+    message, call = list(bad_calls(tracker).items())[number]
+    with pytest.raises((InputError, ConceptError), match=message):
+        call()
+    assert state(tracker) == before
+
+
+def test_unknown_concepts_and_factor_types_are_named(detector: Detector) -> None:
+    with pytest.raises(ConceptError, match="no concept 'roof'"):
+        ConceptTracker(detector=detector, concepts=["roof"])
+    with pytest.raises(ConceptError, match="factor of concept 'wall': 'fancy' is neither"):
+        ConceptTracker(detector=detector, factor_types={"wall": "fancy"})
+
+
+def test_an_update_waits_for_the_indices_of_the_one_before(detector: Detector) -> None:
+    tracker = ConceptTracker(detector=detector)
+    for enter in keyframes_of(drive(0).graph)[:6]:
+        enter(tracker)
+    count = tracker.update().factors.size()
+    assert count
+    with pytest.raises(InputError, match=f"the last update has {count} factors"):
+        tracker.update()
+    with pytest.raises(InputError, match=f"1 indices are given for {count} factors"):
+        tracker.placed([0])
+    tracker.placed(range(count))
+    assert tracker.update().factors.size() == 0
+
+
+# -- threads -----------------------------------------------------------------------------------
+
+
+def test_threads_may_add_while_another_updates(detector: Detector) -> None:
+    graph = plan(*(rectangle(5.15 * k, 0, 5, 4) for k in range(12)))
+    tracker = ConceptTracker(detector=detector)
+
+    def add(start: int) -> None:
+        for surface in range(start, 48, 3):
+            view = graph.wall_surface(surface)
+            tracker.add_wall_surface(surface, view.segment, view.normal)
+
+    with ThreadPoolExecutor() as pool:
+        adding = [pool.submit(add, start) for start in range(3)]
+        while not all(part.done() for part in adding):
+            tracker.update()
+        for part in adding:
+            part.result()
+    tracker.update()
+    assert {frozenset(node.members) for node in tracker.nodes("room")} == true_rooms(graph)
+
+
+def test_a_drive_is_consistent_with_itself() -> None:
+    """Each plane is where its keyframe is and its surface lies."""
+    graph, before = SGraph(), None
+    for visit in drive_through(9):
+        visit.enter(graph, before)
+        before = visit
+    low = low_layers(graph)
+    assert low.graph.error(low.values) == pytest.approx(0, abs=1e-9)

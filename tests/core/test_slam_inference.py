@@ -1,0 +1,305 @@
+"""What a ConceptTracker infers while the map changes is what inference on the whole map finds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import astuple, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from plans import add_outline, block, plan, rectangle, true_rooms, true_walls
+
+import sgraph_plugins.room.outline
+from sgraph_concepts.errors import InputError
+from sgraph_concepts.spec import ConceptSpec
+from sgraph_concepts.types import FloatArray, SurfaceArrays
+from sgraph_core import load
+from sgraph_core.concepts import installed, new_registry
+from sgraph_core.detector import Detector
+from sgraph_core.evaluation.incremental import drive_through
+from sgraph_core.graph import Pins, SGraph
+from sgraph_core.slam import ConceptTracker, Update, Work
+from sgraph_core.synth.building import draw_building
+from sgraph_core.synth.config import BuildingConfig
+from sgraph_plugins.room.outline import outline
+
+
+def assert_as_inferred_at_once(tracker: ConceptTracker, detector: Detector) -> None:
+    """Same nodes, as sure, and with the same shapes."""
+    now = tracker.snapshot()
+    whole = detector.infer(now)
+    for concept, nodes in whole.concepts.items():
+        found = {frozenset(node.members): node for node in now.concepts[concept]}
+        assert found.keys() == {frozenset(node.members) for node in nodes}
+        for node in nodes:
+            other = found[frozenset(node.members)]
+            assert other.confidence == pytest.approx(node.confidence, abs=0.021)
+            doors, others = (n.shape.attributes.get("doorways", []) for n in (node, other))
+            assert len(doors) == len(others)
+            area = node.shape.attributes.get("area_m2", 0.0)
+            assert other.shape.attributes.get("area_m2", 0.0) == pytest.approx(area, abs=0.02)
+            if concept == "wall" or area > 0.1:  # whether a sliver has an outline is rounding
+                # outlines are simplified to 1 mm, from wherever they begin
+                assert other.shape.centre == pytest.approx(node.shape.centre, abs=2e-3)
+
+
+def add(tracker: ConceptTracker, graph: SGraph, surfaces: Sequence[int]) -> Update:
+    for surface in surfaces:
+        view = graph.wall_surface(surface)
+        tracker.add_wall_surface(surface, view.segment, view.normal)
+    return tracker.update()
+
+
+def building(seed: int) -> SGraph:
+    drawn = draw_building(np.random.default_rng(seed), BuildingConfig())
+    graph = SGraph()
+    count = len(drawn.segments)
+    unknown = np.full((count, 2), np.nan)
+    graph.extend_wall_surfaces(np.arange(count), drawn.segments, drawn.normals, unknown)
+    return graph
+
+
+def eastwards(graph: SGraph, rng: np.random.Generator) -> list[int]:
+    """Return the surfaces as a robot that drives east may find them."""
+    x = graph.wall_surfaces.segments[:, :, 0].mean(axis=1)
+    order = np.argsort(x + rng.normal(0, 2.0, len(x)))
+    return [int(i) for i in graph.wall_surfaces.ids[order]]
+
+
+# -- equality with whole inference ---------------------------------------------------------------
+
+
+def test_a_drive_through_a_block_of_rooms_ends_as_inferred_at_once(detector: Detector) -> None:
+    tracker, before = ConceptTracker(detector=detector), None
+    for visit in drive_through(24, seed=3):
+        visit.enter(tracker, before)
+        update = tracker.update()
+        tracker.placed(range(update.factors.size()))
+        before = visit
+    assert len(tracker.nodes("room")) == 24
+    assert_as_inferred_at_once(tracker, detector)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_every_step_of_a_drive_through_a_synthetic_building_is_as_inferred_at_once(
+    seed: int, detector: Detector
+) -> None:
+    graph, tracker = building(seed), ConceptTracker(detector=detector)
+    order = eastwards(graph, np.random.default_rng(seed))
+    for start in range(0, len(order), 10):
+        add(tracker, graph, order[start : start + 10])
+        assert_as_inferred_at_once(tracker, detector)
+
+
+def test_surfaces_that_grow_and_move_are_inferred_as_they_are(detector: Detector) -> None:
+    """Each surface is mapped half, grows to its length, and is moved by a correction of the map."""
+    graph, rng = building(7), np.random.default_rng(7)
+    tracker = ConceptTracker(detector=detector, tolerance_m=0.0)
+    order = eastwards(graph, rng)
+    for start in range(0, len(order), 12):
+        some = order[start : start + 12]
+        for surface in some:
+            view = graph.wall_surface(surface)
+            half = np.array([view.segment[0], view.segment.mean(axis=0)])
+            tracker.add_wall_surface(surface, half, view.normal)
+        tracker.update()
+        tracker.move(
+            surfaces={
+                surface: (graph.wall_surface(surface).segment, graph.wall_surface(surface).normal)
+                for surface in some
+            }
+        )
+        tracker.update()
+    assert_as_inferred_at_once(tracker, detector)
+    table = graph.wall_surfaces
+    west = table.segments[:, :, 0].mean(axis=1) < np.median(table.segments[:, :, 0])
+    tracker.move(surfaces=turned_about(table.segments, table.normals, np.flatnonzero(west), 0.02))
+    tracker.update()
+    assert_as_inferred_at_once(tracker, detector)
+
+
+def turned_about(
+    segments: FloatArray, normals: FloatArray, rows: FloatArray, angle: float
+) -> dict[int, tuple[FloatArray, FloatArray]]:
+    cosine, sine = np.cos(angle), np.sin(angle)
+    turn = np.array([[cosine, sine], [-sine, cosine]])
+    return {int(row): (segments[row] @ turn, normals[row] @ turn) for row in rows}
+
+
+def test_surfaces_mapped_twice_come_and_go(detector: Detector) -> None:
+    graph = block(0.15)
+    tracker = ConceptTracker(detector=detector)
+    add(tracker, graph, range(16))
+    copy = graph.wall_surface(1)
+    tracker.add_wall_surface(50, copy.segment * (1, 0.9) + np.array([0.01, 0.1]), copy.normal)
+    tracker.update()
+    rooms = {frozenset(node.members) for node in tracker.nodes("room")}
+    assert frozenset({0, 1, 2, 3, 50}) in rooms
+    assert_as_inferred_at_once(tracker, detector)
+    tracker.move(surfaces={50: (copy.segment + np.array([0.3, 0]), copy.normal)})
+    tracker.update()
+    assert_as_inferred_at_once(tracker, detector)
+
+
+def test_a_building_far_from_the_origin_is_inferred_alike(detector: Detector) -> None:
+    graph = block(0.1, 0.4, (500_000.0, 5_400_000.0))
+    tracker = ConceptTracker(detector=detector)
+    for room in range(4):
+        add(tracker, graph, range(4 * room, 4 * room + 4))
+    assert {frozenset(node.members) for node in tracker.nodes("room")} == true_rooms(graph)
+    assert {frozenset(node.members) for node in tracker.nodes("wall")} == true_walls(graph)
+
+
+def test_the_baselines_are_tracked_too(baseline: Detector) -> None:
+    graph = block(0.15)
+    tracker = ConceptTracker(detector=baseline)
+    for room in range(4):
+        add(tracker, graph, range(4 * room, 4 * room + 4))
+    assert {frozenset(node.members) for node in tracker.nodes("room")} == true_rooms(graph)
+    assert_as_inferred_at_once(tracker, baseline)
+
+
+def test_real_floors_end_as_inferred_at_once(real_buildings: Path, detector: Detector) -> None:
+    files = sorted((real_buildings / "surfaces-open").glob("*.json"))[::12]
+    assert files
+    for file in files:
+        graph, tracker = load(str(file)), ConceptTracker(detector=detector)
+        order = eastwards(graph, np.random.default_rng(0))
+        for start in range(0, len(order), 40):
+            add(tracker, graph, order[start : start + 40])
+        assert_as_inferred_at_once(tracker, detector)
+
+
+# -- ids and names -------------------------------------------------------------------------------
+
+
+def test_ids_stay_while_the_map_grows_and_are_not_used_again(detector: Detector) -> None:
+    graph = plan(*(rectangle(5.15 * k, 0, 5, 4) for k in range(6)))
+    tracker = ConceptTracker(detector=detector)
+    ids: dict[frozenset[int], int] = {}
+    for start in range(0, 24, 2):
+        changes = add(tracker, graph, [start, start + 1]).nodes["room"]
+        assert not {node.id for node in changes.added} & set(ids.values())
+        for room in tracker.nodes("room"):
+            older = [i for members, i in ids.items() if members <= frozenset(room.members)]
+            assert room.id in older or not older
+            ids[frozenset(room.members)] = room.id
+    assert {frozenset(node.members) for node in tracker.nodes("room")} == true_rooms(graph)
+
+
+def test_what_changed_is_told_once(detector: Detector) -> None:
+    graph = block(0.15)
+    tracker = ConceptTracker(detector=detector)
+    first = add(tracker, graph, range(4)).nodes["room"]
+    assert [node.members for node in first.added] == [(0, 1, 2, 3)]
+    nothing = tracker.update()
+    assert not any(nothing.nodes.values())
+    assert nothing.work == Work()
+    second = add(tracker, graph, range(4, 8)).nodes
+    assert [node.members for node in second["room"].added] == [(4, 5, 6, 7)]
+    assert not second["room"].removed
+    assert [node.members for node in second["wall"].added] == [(1, 7)]
+
+
+def test_a_map_to_begin_with_gives_its_ids_and_names_on(detector: Detector) -> None:
+    known = detector.infer(block(0.15))
+    known.concepts["room"] = [
+        replace(node, id=node.id + 20, name=f"office {node.id}") for node in known.concepts["room"]
+    ]
+    tracker = ConceptTracker(known, detector)
+    assert not tracker.update().nodes["room"].added
+    assert [node.name for node in tracker.nodes("room")] == [f"office {k}" for k in range(4)]
+    add_outline(known, rectangle(-5.15, 0, 5, 4), first_id=16)
+    assert add(tracker, known, range(16, 20)).nodes["room"].added[0].id == 24
+
+
+def test_a_concept_of_rooms_follows_the_rooms(detector: Detector) -> None:
+    registry = new_registry()
+    for concept in installed():
+        registry.add(concept.spec, package=concept.package)
+    floor = ConceptSpec(
+        name="floor",
+        groups="room",
+        relation="same_floor",
+        baseline="zone:everything",
+        clusterer="zone:one_node",
+    )
+    registry.add(floor)
+    graph, tracker = block(0.15), ConceptTracker(detector=Detector(registry))
+    for room in range(4):
+        add(tracker, graph, range(4 * room, 4 * room + 4))
+        (floor_now,) = tracker.nodes("floor")
+        assert floor_now.id == 0
+        assert floor_now.members == tuple(node.id for node in tracker.nodes("room"))
+    assert tracker.snapshot().groups == {"floor": "room"}
+
+
+# -- how much is computed ------------------------------------------------------------------------
+
+
+def work_at_the_end(rooms: int, columns: int, detector: Detector) -> Work:
+    """Return what the updates in the last eight rooms of a drive compute together."""
+    visits = drive_through(rooms, columns)
+    tracker, total = ConceptTracker(detector=detector), np.zeros(4, int)
+    for k, visit in enumerate(visits):
+        visit.enter(tracker, visits[k - 1] if k else None)
+        if k >= len(visits) - 17:
+            update = tracker.update()
+            tracker.placed(range(update.factors.size()))
+            if k > len(visits) - 17:  # the first one takes in the whole map
+                total += astuple(update.work)
+    return Work(*total.tolist())
+
+
+def test_an_update_computes_as_much_in_220_rooms_as_in_20(detector: Detector) -> None:
+    few, many = (work_at_the_end(rooms, rooms, detector) for rooms in (20, 220))
+    assert many.surfaces == few.surfaces
+    assert many.pairs == few.pairs
+    assert many.rows <= 1.15 * few.rows  # the far end of 20 rooms is in reach at first
+    assert many.clustered <= 1.15 * few.clustered
+
+
+def test_an_update_among_169_rooms_looks_at_a_neighbourhood(detector: Detector) -> None:
+    """In a block, neighbours lie on three sides: it takes more rooms until a map holds them all."""
+    some, many = (work_at_the_end(rooms, int(rooms**0.5), detector) for rooms in (81, 169))
+    assert many.surfaces <= 1.1 * some.surfaces
+    assert many.pairs <= 1.1 * some.pairs
+    assert many.rows <= 1.3 * some.rows
+    assert many.clustered <= 1.3 * some.clustered
+
+
+def test_outlines_of_rooms_that_stay_as_they_are_are_remembered(
+    detector: Detector, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    visits, outlined = drive_through(30), []
+    tracker = ConceptTracker(detector=detector)
+
+    def counted(surfaces: SurfaceArrays) -> object:
+        outlined.append(surfaces)
+        return outline(surfaces)
+
+    for k, visit in enumerate(visits):
+        visit.enter(tracker, visits[k - 1] if k else None)
+        if k == len(visits) - 1:
+            monkeypatch.setattr(sgraph_plugins.room.outline, "outline", counted)
+        if k >= len(visits) - 2:
+            tracker.placed(range(tracker.update().factors.size()))
+    assert 1 <= len(outlined) <= 3
+
+
+# -- what is refused -----------------------------------------------------------------------------
+
+
+def test_pins_are_refused(detector: Detector) -> None:
+    graph = block(0.15)
+    graph.pins = Pins(same_room=((0, 1),))
+    with pytest.raises(InputError, match="takes a graph without them"):
+        ConceptTracker(graph, detector)
+
+
+def test_an_impossible_tolerance_is_refused(detector: Detector) -> None:
+    with pytest.raises(InputError, match=r"tolerance_m = -0\.1: must not be negative"):
+        ConceptTracker(detector=detector, tolerance_m=-0.1)
+    with pytest.raises(InputError, match="tolerance_m = nan"):
+        ConceptTracker(detector=detector, tolerance_m=float("nan"))
