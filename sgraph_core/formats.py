@@ -49,7 +49,7 @@ def load(path: str | Path, progress: Progress = lambda _what, _done, _total: Non
 
 
 def check_outputs(path: str | Path, outputs: Sequence[Path], beside: Sequence[Path] = ()) -> None:
-    """Check before the work that its outputs will not replace the map that it begins with.
+    """Check before the work that its outputs replace neither one another nor the map.
 
     A sgraph-map JSON file may be replaced: what is written holds all that it held.
 
@@ -59,7 +59,8 @@ def check_outputs(path: str | Path, outputs: Sequence[Path], beside: Sequence[Pa
         beside: files that will be written beside them.
 
     Raises:
-        InputError: an output is a file of a map in another format, or named like one.
+        InputError: two outputs are one file; or one is a file of a map in another format, or named
+            like one.
         MapFileError: the map cannot be read.
     """
     known = _format_of(path)
@@ -67,6 +68,10 @@ def check_outputs(path: str | Path, outputs: Sequence[Path], beside: Sequence[Pa
     for output in (*outputs, *beside):
         if output.resolve() in inputs:
             raise InputError(f"{output}: belongs to the map that is read, and is not replaced")
+    written = [output.resolve() for output in (*outputs, *beside)]
+    for output in (*outputs, *beside):
+        if written.count(output.resolve()) > 1:
+            raise InputError(f"{output}: would be written twice: name two files")
     for output in outputs:
         named = _format_of(output)
         if named is not None:

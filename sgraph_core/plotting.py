@@ -188,7 +188,9 @@ def _draw_room(room: ConceptNode, colour: tuple[float, ...], axes: Axes) -> None
 
     shape = room.shape
     if shape.polygon is not None:
-        rings = [Outline([*ring, ring[0]], closed=True) for ring in (shape.polygon, *shape.holes)]
+        # matplotlib fills what rings wind around, so holes run the other way
+        ways = (shape.polygon, *(hole[::-1] for hole in shape.holes))
+        rings = [Outline([*ring, ring[0]], closed=True) for ring in ways]
         outline = Outline.make_compound_path(*rings)
         axes.add_patch(PathPatch(outline, facecolor=(*colour, 0.3), edgecolor="none", zorder=2))
     if shape.centre is not None:

@@ -173,7 +173,9 @@ def evaluate(
             graph = how.infer(formats.load(labelled.file))
             if graph.grid is None:
                 raise InputError(f"{labelled.file}: holds no occupancy grid")
-            grid, painted = graph.grid, paint(graph.concepts["room"], graph.grid)
+            grid, painted = graph.grid, np.full(graph.grid.cells.shape, -1, np.int64)
+            rooms = graph.concepts["room"]
+            paint(rooms, grid, [room.id for room in rooms], painted)
         else:
             graph, grid = None, read_grid(labelled.file)
             painted = how(grid)

@@ -64,7 +64,8 @@ def save_label_image(graph: SGraph, path: str | Path) -> None:
             f"{path}: room {highest} does not fit into 16 bits, which hold ids up to "
             f"{LARGEST_LABEL - 1}"
         )
-    labels = (paint(rooms, grid) + 1).astype(np.uint16)
+    labels = np.zeros(grid.cells.shape, np.uint16)
+    paint(rooms, grid, [room.id + 1 for room in rooms], labels)
     text = _describe(Path(path).name, grid, rooms)
 
     def write(image: Path) -> None:

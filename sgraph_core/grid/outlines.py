@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import contourpy
 import numpy as np
@@ -10,6 +10,7 @@ import shapely
 from numpy.typing import NDArray
 
 from sgraph_concepts.types import FloatArray, OccupancyGrid
+from sgraph_core.grid.strips import strips
 
 __all__ = ["Mask", "Told", "enclosed_area", "free_space", "outlines"]
 
@@ -17,11 +18,6 @@ Mask = NDArray[np.bool_]
 """Which cells are free, [H, W]."""
 Told = Callable[[int], object]
 """Told after every strip up to which row the work is done."""
-
-STRIP_CELLS = 2**20
-"""How many cells are worked on at a time; contouring needs some 30 bytes for each of them."""
-FEWEST_ROWS = 16
-"""Strips of very wide grids are larger, lest most of a strip is what it shares with others."""
 
 
 def free_space(grid: OccupancyGrid, narrowest_m: float, told: Told) -> Mask:
@@ -36,16 +32,16 @@ def free_space(grid: OccupancyGrid, narrowest_m: float, told: Told) -> Mask:
     """
     side = max(2, round(narrowest_m / grid.resolution))
     mask = np.zeros(grid.cells.shape, bool)
-    for low, high in _strips(grid.cells.shape):
-        first = max(low - side, 0)
-        free = grid.cells[first : high + side] == OccupancyGrid.FREE
+    for rows, around in strips(grid.cells.shape, side):
+        free = grid.cells[around] == OccupancyGrid.FREE
         if free.any():
-            mask[low:high] = _opened(free, side)[low - first : high - first]
-        told(high)
+            opened = _opened(free, side)[rows.start - around.start :]
+            mask[rows] = opened[: rows.stop - rows.start]
+        told(rows.stop)
     return mask
 
 
-def outlines(mask: Mask, told: Told) -> list[FloatArray]:
+def outlines(mask: Mask, told: Told = lambda _row: None) -> list[FloatArray]:
     """Return the lines along the cells' edges that part free cells from others.
 
     They run half-way between cell centres (marching squares), so corners are cut by half a cell.
@@ -64,7 +60,8 @@ def outlines(mask: Mask, told: Told) -> list[FloatArray]:
     columns = np.array([0, *np.arange(width) + 0.5, width])
     closed: list[FloatArray] = []
     open_: list[FloatArray] = []
-    for low, high in _strips(mask.shape):
+    for strip, _ in strips(mask.shape):
+        low, high = strip.start, strip.stop
         # strips share a row, on which the lines of one end and those of the next begin
         cells = mask[low : high + 1]
         centres = np.arange(low, low + len(cells)) + 0.5
@@ -86,15 +83,6 @@ def enclosed_area(line: FloatArray) -> float:
         return 0.0
     x, y = (line - line[0]).T
     return float(x[:-1] @ y[1:] - x[1:] @ y[:-1]) / 2
-
-
-def _strips(shape: tuple[int, ...]) -> Iterator[tuple[int, int]]:
-    height, width = shape
-    if width == 0:
-        return
-    step = max(FEWEST_ROWS, STRIP_CELLS // width)
-    for low in range(0, height, step):
-        yield low, min(low + step, height)
 
 
 def _opened(free: Mask, side: int) -> Mask:

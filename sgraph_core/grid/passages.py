@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
 from sgraph_concepts.types import FloatArray, IntArray, OccupancyGrid, SurfaceArrays
+from sgraph_core.grid.strips import count_labels, has_label, strips
 
 __all__ = ["separated"]
+
+Mask = NDArray[np.bool_]
 
 LARGEST_FILLED_M2 = 0.3
 """Connected cells that are not free, up to this area, such as table legs, narrow no passage."""
@@ -19,7 +20,6 @@ SLACK_M = 0.6
 """...unless even the nearest is farther away than half a passage and this: the place is narrow."""
 FRACTIONS = np.array([0.1, 0.3, 0.5, 0.7, 0.9])
 """Where along a surface these points lie."""
-CELLS_AT_ONCE = 4_000_000
 
 
 def separated(
@@ -49,48 +49,47 @@ def separated(
 
 def _spaces(grid: OccupancyGrid, clearance_m: float) -> NDArray[np.int32]:
     """Return the number of the space of each cell, 0 for none, [H, W]."""
-    from scipy.ndimage import distance_transform_edt, label
+    from scipy.ndimage import label
 
-    free = grid.cells == OccupancyGrid.FREE
-    blobs, _ = label(~free, np.ones((3, 3)))
-    filled = _sizes(blobs) * grid.resolution**2 <= LARGEST_FILLED_M2
-    free |= filled[blobs]
-    cells = clearance_m / grid.resolution
-    clear = np.empty_like(free)
-    for rows, around in _strips(free.shape, int(cells) + 1):
-        distance = distance_transform_edt(free[around])
-        clear[rows] = (distance >= cells)[rows.start - around.start :][: rows.stop - rows.start]
-    spaces, _ = label(clear)
+    spaces, _ = label(_clear(_without_blobs(grid), clearance_m / grid.resolution))
     return np.asarray(spaces)
 
 
-def _sizes(labels: NDArray[np.int32]) -> IntArray:
-    """Return how many cells have each label from 0 on; numpy's bincount alone would copy them."""
-    total = np.zeros(labels.max(initial=0) + 1, np.int64)
-    for rows, _ in _strips(labels.shape, 0):
-        total += np.bincount(labels[rows].ravel(), minlength=len(total))
-    return total
+def _clear(free: Mask, cells: float) -> Mask:
+    """Return the free cells that are so many cells from all others."""
+    from scipy.ndimage import distance_transform_edt
+
+    clear = np.empty_like(free)
+    for rows, around in strips(free.shape, int(cells) + 1):
+        far = distance_transform_edt(free[around]) >= cells
+        clear[rows] = far[rows.start - around.start :][: rows.stop - rows.start]
+    return clear
 
 
-def _strips(shape: tuple[int, ...], margin: int) -> Iterator[tuple[slice, slice]]:
-    """Yield strips of rows, and the same with a margin around: bounds the memory."""
-    height = max(CELLS_AT_ONCE // shape[1], 1)
-    for start in range(0, shape[0], height):
-        stop = min(start + height, shape[0])
-        yield slice(start, stop), slice(max(start - margin, 0), stop + margin)
+def _without_blobs(grid: OccupancyGrid) -> Mask:
+    """Return the cells that are free, or of connected ones that cover little, [H, W]."""
+    from scipy.ndimage import label
+
+    most_cells = int(LARGEST_FILLED_M2 / grid.resolution**2)
+    free = np.empty(grid.cells.shape, bool)
+    # what reaches from a strip through a margin of so many rows is larger
+    for rows, around in strips(free.shape, most_cells):
+        blobs, count = label(grid.cells[around] != OccupancyGrid.FREE, np.ones((3, 3)))
+        wanted = count_labels(blobs, count) <= most_cells
+        wanted[0] = True  # free cells
+        free[rows] = has_label(blobs, wanted)[rows.start - around.start :][: rows.stop - rows.start]
+    return free
 
 
 def _faced(
     surfaces: SurfaceArrays, spaces: NDArray[np.int32], grid: OccupancyGrid, reach_m: float
 ) -> NDArray[np.int32]:
     """Return the number of the space before each of 5 points of a surface, 0 for none, [N, 5]."""
-    from scipy.ndimage import binary_erosion
     from scipy.spatial import cKDTree
 
     first, second = surfaces.segments[:, :1], surfaces.segments[:, 1:]
     points = first + FRACTIONS[:, None] * (second - first) + AHEAD_M * surfaces.normals[:, None]
-    inside = spaces > 0
-    row, column = np.nonzero(inside & ~binary_erosion(inside))
+    row, column = _border(spaces)
     border = np.stack([column, row], axis=1) + 0.5
     within = grid.to_cells(points).reshape(-1, 2)
     faced = np.append(spaces[row, column], 0)  # what the tree says of points out of reach
@@ -98,3 +97,16 @@ def _faced(
     cell = np.clip(within.astype(np.int64), 0, np.array(spaces.shape[::-1]) - 1)
     own = spaces[cell[:, 1], cell[:, 0]]
     return np.where(own > 0, own, faced[nearest]).reshape(points.shape[:2])
+
+
+def _border(spaces: NDArray[np.int32]) -> tuple[IntArray, IntArray]:
+    """Return rows and columns of the cells of spaces beside cells of none."""
+    from scipy.ndimage import binary_erosion
+
+    found = []
+    for rows, around in strips(spaces.shape, 1):
+        inside = spaces[around] > 0
+        edge = inside & ~binary_erosion(inside)
+        row, column = np.nonzero(edge[rows.start - around.start :][: rows.stop - rows.start])
+        found.append((row + rows.start, column))
+    return np.concatenate([row for row, _ in found]), np.concatenate([c for _, c in found])

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from typing import cast
-
 import numpy as np
 import shapely
-from contourpy import FillType, contour_generator
 
-from sgraph_concepts.types import FloatArray, IntArray, OccupancyGrid
+from sgraph_concepts.types import OccupancyGrid
+from sgraph_core.grid.outlines import enclosed_area, outlines
 from sgraph_core.grid.regions import Labels, Mask, windows
 
 __all__ = ["polygons"]
 
 STRAIGHT_CELLS = 1.5
 """Corners are dropped whose triangle with their neighbours is smaller than this side squared."""
-
-_Filled = tuple[list[FloatArray], list[IntArray]]
-"""Of FillType.OuterOffset: points of each polygon, and where in them its rings begin."""
 
 
 def polygons(labels: Labels, count: int, grid: OccupancyGrid) -> list[shapely.Polygon | None]:
@@ -26,7 +21,7 @@ def polygons(labels: Labels, count: int, grid: OccupancyGrid) -> list[shapely.Po
     A border that two labels share is the same line for both, also after it is simplified.
 
     Args:
-        labels: 0 to count - 1, or ``NOBODY``, [H, W]; the cells of each connected by their sides.
+        labels: 1 to ``count``, or ``NOBODY``, [H, W]; the cells of each connected by their sides.
         count: how many labels there are.
         grid: where the cells lie.
 
@@ -42,16 +37,11 @@ def polygons(labels: Labels, count: int, grid: OccupancyGrid) -> list[shapely.Po
     simple = shapely.coverage_simplify(np.array(list(found.values())), STRAIGHT_CELLS)
     placed = shapely.transform(simple, grid.to_world)
     by_label = dict(zip(found, placed, strict=True))
-    return [by_label.get(label) for label in range(count)]
+    return [by_label.get(label) for label in range(1, count + 1)]
 
 
 def _outline(cells: Mask, corner: tuple[int, int]) -> shapely.Polygon:
     """Return the outline of connected cells, in cells, its corners cut by half a cell."""
-    generator = contour_generator(z=np.pad(cells, 1).astype(float), fill_type=FillType.OuterOffset)
-    points, offsets = cast(_Filled, generator.filled(0.5, np.inf))
-    parts = [
-        shapely.Polygon(rings[0], rings[1:])
-        for xy, starts in zip(points, offsets, strict=True)
-        for rings in [np.split(xy - 0.5 + corner, starts[1:-1])]
-    ]
-    return max(parts, key=lambda part: part.area)
+    rings = [ring - 1 + corner for ring in outlines(np.pad(cells, 1))]
+    outer = min(range(len(rings)), key=lambda ring: enclosed_area(rings[ring]))
+    return shapely.Polygon(rings[outer], rings[:outer] + rings[outer + 1 :])

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sgraph_concepts.types import FloatArray, IntArray, OccupancyGrid, SurfaceArrays
+from sgraph_core.grid.strips import count_labels, has_label, strips
 from sgraph_core.winding import winding
 
 __all__ = ["NOBODY", "Labels", "Mask", "label_cells", "windows"]
 
-NOBODY = -1
+NOBODY = 0
 """Label of the cells of no room."""
 INSIDE = 0.5
 """A room claims the free cells around which its surfaces wind more often than this."""
@@ -28,7 +30,8 @@ EQUAL = 0.1
 CLEARLY_INSIDE, CLEARLY_OUTSIDE = 0.75, 0.25
 FOUR_NEIGHBOURS = ((0, 1), (0, -1), (1, 0), (-1, 0))
 
-Labels = NDArray[np.int32]
+Labels = NDArray[np.unsignedinteger[Any]]
+"""Of as many bytes a cell as it takes to count the rooms."""
 Mask = NDArray[np.bool_]
 
 
@@ -47,17 +50,17 @@ def label_cells(rooms: Sequence[SurfaceArrays], grid: OccupancyGrid) -> Labels:
         grid: what is known of the floor.
 
     Returns:
-        Index into ``rooms``, or ``NOBODY``, [H, W]. The cells of a room are connected by their
-        sides.
+        1 for the first room and so on, or ``NOBODY``, [H, W]. The cells of a room are connected
+        by their sides.
     """
     free = grid.cells == OccupancyGrid.FREE
     labels = _claimed([grid.to_cells(room.segments) for room in rooms], free)
-    for number, window in windows(labels, len(rooms)):
-        _keep_largest_part(labels[window], number)
+    for label, window in windows(labels, len(rooms)):
+        _keep_largest_part(labels[window], label)
     _spread(labels, free, round(REACH_M / grid.resolution))
     most_filled = LARGEST_FILLED_M2 / grid.resolution**2
-    for number, window in windows(labels, len(rooms)):
-        _fill_holes(labels[window], number, most_filled)
+    for label, window in windows(labels, len(rooms)):
+        _fill_holes(labels[window], label, most_filled)
     return labels
 
 
@@ -66,19 +69,21 @@ def _claimed(rooms: Sequence[FloatArray], free: Mask) -> Labels:
 
     Where two do so equally often, one room lies within the other: the smaller one has it.
     """
-    labels = np.full(free.shape, NOBODY, np.int32)
-    to_beat = np.full(free.shape, INSIDE, np.float32)
+    labels = np.full(free.shape, NOBODY, np.min_scalar_type(len(rooms)))
+    to_beat = np.full(free.shape, INSIDE, np.float16)
     limits = [_limits(segments, free.shape) for segments in rooms]
     for number in sorted(
         range(len(rooms)), key=lambda room: np.prod(limits[room][1] - limits[room][0])
     ):
         low, high = limits[number]
-        window = np.s_[low[1] : high[1], low[0] : high[0]]
-        if free[window].any():
-            times = _winding_of_cells(rooms[number] - low, free[window])
-            wins = free[window] & (times > to_beat[window])
-            labels[window][wins] = number
-            to_beat[window][wins] = times[wins] + EQUAL
+        for rows, _ in strips((high[1] - low[1], high[0] - low[0])):
+            bottom, top = low[1] + rows.start, low[1] + rows.stop
+            window = np.s_[bottom:top, low[0] : high[0]]
+            if free[window].any():
+                times = _winding_of_cells(rooms[number] - (low[0], bottom), free[window])
+                wins = free[window] & (times > to_beat[window])
+                labels[window][wins] = number + 1
+                to_beat[window][wins] = times[wins] + EQUAL
     return labels
 
 
@@ -117,30 +122,32 @@ def _tiles_near(segments: FloatArray, shape: tuple[int, int]) -> Mask:
     """Return the tiles that a segment passes through or beside."""
     from scipy.ndimage import binary_dilation
 
-    near = np.zeros(shape, bool)
+    near, size = np.zeros(shape, bool), np.array(shape[::-1])
     for first, second in segments / TILE:
         steps = int(2 * np.linalg.norm(second - first)) + 2
         points = first + np.linspace(0, 1, steps)[:, None] * (second - first)
-        column, row = np.clip(points, 0, np.array(shape[::-1]) - 1).astype(np.int64).T
+        points = points[((points > -1) & (points < size + 1)).all(axis=1)]
+        column, row = np.clip(points, 0, size - 1).astype(np.int64).T
         near[row, column] = True
     return np.asarray(binary_dilation(near, np.ones((3, 3))))
 
 
 def windows(labels: Labels, count: int) -> list[tuple[int, tuple[slice, slice]]]:
-    """Return the rooms that have cells, and the window that holds them."""
+    """Return the labels from 1 to ``count`` that cells have, and the window that holds them."""
     from scipy.ndimage import find_objects
 
-    windows = find_objects(labels + 1, count)
-    return [(number, window) for number, window in enumerate(windows) if window is not None]
+    windows = find_objects(labels, count)
+    return [(label, window) for label, window in enumerate(windows, 1) if window is not None]
 
 
-def _keep_largest_part(labels: Labels, number: int) -> None:
-    from scipy.ndimage import label
+def _keep_largest_part(labels: Labels, label: int) -> None:
+    from scipy import ndimage
 
-    parts, count = label(labels == number)
+    parts, count = ndimage.label(labels == label)
     if count > 1:
-        largest = np.argmax(np.bincount(parts.ravel())[1:]) + 1
-        labels[(parts > 0) & (parts != largest)] = NOBODY
+        smaller = np.ones(count + 1, bool)
+        smaller[[0, np.argmax(count_labels(parts, count)[1:]) + 1]] = False
+        labels[has_label(parts, smaller)] = NOBODY
 
 
 def _spread(labels: Labels, free: Mask, steps: int) -> None:
@@ -148,37 +155,58 @@ def _spread(labels: Labels, free: Mask, steps: int) -> None:
 
     Labels grow a cell a step; of equals the lower one wins.
     """
-    from scipy.ndimage import binary_dilation, label
-
-    patches, count = label(free & (labels == NOBODY))
-    edge = np.flatnonzero((labels != NOBODY) & binary_dilation(free & (labels == NOBODY)))
-    flat, waiting = labels.reshape(-1), free.reshape(-1)
-    height, width = labels.shape
+    patches = free & (labels == NOBODY)
+    flat, in_patch = labels.reshape(-1), patches.reshape(-1)
+    edge = _beside(patches, labels)
+    given = [edge[:0]]
     for _ in range(steps):
-        row, column = np.divmod(edge, width)
-        reached, takers = [], []
-        for down, right in FOUR_NEIGHBOURS:
-            inside = (row + down >= 0) & (row + down < height)
-            inside &= (column + right >= 0) & (column + right < width)
-            cell = edge[inside] + down * width + right
-            takes = waiting[cell] & (flat[cell] == NOBODY)
-            reached.append(cell[takes])
-            takers.append(flat[edge[inside][takes]])
-        cells, taker = np.concatenate(reached), np.concatenate(takers)
-        order = np.lexsort((taker, cells))
-        edge, first = np.unique(cells[order], return_index=True)
+        source, cell = _neighbours(edge, labels.shape)
+        takes = in_patch[cell] & (flat[cell] == NOBODY)
+        cell, taker = cell[takes], flat[source[takes]]
+        order = np.lexsort((taker, cell))
+        edge, first = np.unique(cell[order], return_index=True)
         flat[edge] = taker[order][first]
-    beyond_reach = np.zeros(count + 1, bool)
-    beyond_reach[patches[free & (labels == NOBODY)]] = True
-    labels[beyond_reach[patches]] = NOBODY
+        given.append(edge)
+    source, cell = _neighbours(np.concatenate(given), labels.shape)
+    edge = np.unique(source[in_patch[cell] & (flat[cell] == NOBODY)])
+    while len(edge):  # take back what was given of patches that go on
+        flat[edge] = NOBODY
+        _, cell = _neighbours(edge, labels.shape)
+        edge = np.unique(cell[in_patch[cell] & (flat[cell] != NOBODY)])
 
 
-def _fill_holes(labels: Labels, number: int, most_cells: float) -> None:
-    from scipy.ndimage import binary_fill_holes, label
+def _neighbours(cells: IntArray, shape: tuple[int, ...]) -> tuple[IntArray, IntArray]:
+    """Return cells, repeated, and those that share a side with each, numbered row by row."""
+    row, column = np.divmod(cells, shape[1])
+    sources, found = [], []
+    for down, right in FOUR_NEIGHBOURS:
+        inside = (row + down >= 0) & (row + down < shape[0])
+        inside &= (column + right >= 0) & (column + right < shape[1])
+        sources.append(cells[inside])
+        found.append(cells[inside] + down * shape[1] + right)
+    return np.concatenate(sources), np.concatenate(found)
 
-    own = labels == number
-    holes, _ = label(binary_fill_holes(own) & ~own, np.ones((3, 3)))
-    size = np.bincount(holes.ravel())
-    filled = size <= most_cells
-    filled[np.unique(holes[labels != NOBODY])] = False  # 0, which is no hole, among them
-    labels[filled[holes]] = number
+
+def _beside(patches: Mask, labels: Labels) -> IntArray:
+    """Return the labelled cells that share a side with a patch, numbered row by row."""
+    from scipy.ndimage import binary_dilation
+
+    found = []
+    for rows, around in strips(labels.shape, 1):
+        near = binary_dilation(patches[around])[rows.start - around.start :]
+        beside = (labels[rows] != NOBODY) & near[: rows.stop - rows.start]
+        found.append(np.flatnonzero(beside) + rows.start * labels.shape[1])
+    return np.concatenate(found)
+
+
+def _fill_holes(labels: Labels, label: int, most_cells: float) -> None:
+    from scipy import ndimage
+
+    own = labels == label
+    inside = ndimage.binary_fill_holes(own) & ~own
+    for window in ndimage.find_objects(inside.view(np.uint8)):  # around all of them, if any
+        holes, count = ndimage.label(inside[window], np.ones((3, 3)))
+        filled = count_labels(holes, count) <= most_cells
+        filled[holes[(holes > 0) & (labels[window] != NOBODY)]] = False
+        filled[0] = False  # which is no hole
+        labels[window][has_label(holes, filled)] = label

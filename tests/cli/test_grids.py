@@ -103,6 +103,24 @@ def test_neither_yaml_nor_image_is_replaced(sgraph: Any, rooms_map: Path, tmp_pa
     assert [file.read_bytes() for file in (rooms_map, tmp_path / "map.png")] == before
 
 
+def test_two_outputs_are_two_files(sgraph: Any, rooms_map: Path, tmp_path: Path) -> None:
+    out = tmp_path / "rooms.png"
+    result = sgraph("infer", rooms_map, "-o", out, "--plot", tmp_path / "." / "rooms.png")
+    assert_one_line(result, "rooms.png: would be written twice")
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("blocked", ["rooms.png", "rooms.yaml"])
+def test_a_labelled_image_is_written_with_its_yaml_or_not_at_all(
+    sgraph: Any, rooms_map: Path, tmp_path: Path, blocked: str
+) -> None:
+    (tmp_path / blocked).mkdir()
+    before = sorted(tmp_path.iterdir())
+    result = sgraph("infer", rooms_map, "-o", tmp_path / "rooms.png")
+    assert_one_line(result, f"{blocked}: is there and is no file")
+    assert sorted(tmp_path.iterdir()) == before
+
+
 def test_json_is_not_written_under_a_grids_name(
     sgraph: Any, demo_map: Path, tmp_path: Path
 ) -> None:

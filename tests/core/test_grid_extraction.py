@@ -267,8 +267,7 @@ def test_the_resolution_does_not_matter():
 def test_strips_leave_no_trace(monkeypatch):
     grid = clutter(2)
     whole = extract_surfaces(grid)
-    monkeypatch.setattr("sgraph_core.grid.outlines.STRIP_CELLS", 1)
-    monkeypatch.setattr("sgraph_core.grid.outlines.FEWEST_ROWS", 16)
+    monkeypatch.setattr("sgraph_core.grid.strips.STRIP_CELLS", 1)
     told = []
     parts = extract_surfaces(grid, progress=lambda *progress: told.append(progress))
     np.testing.assert_allclose(in_order(parts.segments), in_order(whole.segments), atol=1e-6)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -296,6 +297,17 @@ def test_a_failed_write_leaves_the_old_file_and_no_other(tmp_path: Path) -> None
         map_file.write_whole(target, fail)
     assert [p.name for p in tmp_path.iterdir()] == ["map.json"]
     assert target.read_text() == "old"
+
+
+def test_what_is_no_file_is_not_replaced(tmp_path: Path) -> None:
+    pipe, folder = tmp_path / "pipe.json", tmp_path / "folder.json"
+    os.mkfifo(pipe)
+    folder.mkdir()
+    for target in (pipe, folder):
+        with pytest.raises(OSError, match=rf"is no file that can be replaced.*{target.name}"):
+            map_file.write_whole(target, lambda file: file.write_text("new"))
+    assert sorted(p.name for p in tmp_path.iterdir()) == [folder.name, pipe.name]
+    assert pipe.is_fifo()
 
 
 def test_the_schema_accepts_the_example_and_forbids_other_keys() -> None:

@@ -10,7 +10,7 @@ from PIL import Image
 from plans import block
 
 from sgraph_concepts.errors import InputError
-from sgraph_concepts.types import OccupancyGrid
+from sgraph_concepts.types import ConceptNode, NodeShape, OccupancyGrid
 from sgraph_core.detector import Detector
 from sgraph_core.graph import SGraph
 from sgraph_core.plotting import draw, new_figure, plot
@@ -30,6 +30,24 @@ def test_rooms_are_filled_with_colour(tmp_path: Path, detector: Detector) -> Non
     plot(detector.infer(block(0.2)), full)
     colours = [len(Image.open(file).convert("RGB").getcolors(1 << 24)) for file in (empty, full)]
     assert colours[1] > colours[0]
+
+
+def test_holes_are_not_filled(tmp_path: Path) -> None:
+    square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
+    hole = tuple(map(tuple, (0.3 + 0.4 * square).tolist()))
+    outline = tuple(map(tuple, square.tolist()))
+    graph = SGraph()
+    graph.concepts["room"] = [ConceptNode(0, (), shape=NodeShape(None, outline, (hole,)))]
+    figure = new_figure(5, 5)
+    axes = figure.add_subplot()
+    draw(graph, axes)
+    axes.autoscale_view()
+    figure.savefig(tmp_path / "room.png", dpi=figure.dpi)
+    pixels = np.asarray(Image.open(tmp_path / "room.png").convert("RGB"))[::-1]
+    places = axes.transData.transform([(0.1, 0.1), (0.5, 0.5)]).astype(int)
+    filled, empty = (pixels[row, column].tolist() for column, row in places)
+    assert empty == [255, 255, 255]
+    assert filled != empty
 
 
 def test_a_grid_lies_where_its_cells_are() -> None:

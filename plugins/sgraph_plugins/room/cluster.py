@@ -18,7 +18,8 @@ from sgraph_core.clustering.canonical import Relation, canonical_relation
 from sgraph_core.clustering.confidence import clusters_of
 from sgraph_core.clustering.multicut import multicut
 from sgraph_core.grid.passages import separated
-from sgraph_core.grid.regions import NOBODY, label_cells
+from sgraph_core.grid.regions import label_cells
+from sgraph_core.grid.strips import count_labels
 
 __all__ = ["cluster"]
 
@@ -75,8 +76,7 @@ def _covered(
 ) -> dict[int, float]:
     """Return the area that groups cover of a grid, in m2, by their first members."""
     labels = label_cells([surfaces.take(np.array(group)) for group in groups], grid)
-    cells = np.bincount(labels[labels != NOBODY], minlength=len(groups))
-    areas = (cells * grid.resolution**2).tolist()
+    areas = (count_labels(labels, len(groups))[1:] * grid.resolution**2).tolist()
     return {group[0]: area for group, area in zip(groups, areas, strict=True)}
 
 
