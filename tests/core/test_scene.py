@@ -184,7 +184,7 @@ def features(
     return nodes, dict(zip(ends, edge_features(scene, kind), strict=True))
 
 
-def assert_same_features(one: SGraph, two: SGraph, kind: FeatureSet = "visibility") -> None:
+def assert_same_features(one: SGraph, two: SGraph, kind: FeatureSet = "support") -> None:
     (nodes, edges), (other_nodes, other_edges) = features(one, kind), features(two, kind)
     assert set(edges) == set(other_edges)
     for key, value in nodes.items():
@@ -193,7 +193,7 @@ def assert_same_features(one: SGraph, two: SGraph, kind: FeatureSet = "visibilit
         assert other_edges[pair] == pytest.approx(value, abs=1e-5)
 
 
-@pytest.mark.parametrize("kind", ["visibility", "frame"])
+@pytest.mark.parametrize("kind", ["support", "visibility", "frame"])
 @pytest.mark.parametrize("offset", [(0.0, 0.0), (3.7, -12.1), (500_000.0, 5_400_000.0)])
 @pytest.mark.parametrize("angle", [0.0, 0.3, np.pi / 4, np.pi / 2, 3.0])
 def test_features_do_not_change_when_the_map_is_moved_or_turned(

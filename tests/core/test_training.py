@@ -94,7 +94,7 @@ def test_the_papers_settings_train_and_infer(tmp_path: Path) -> None:
 
 def test_a_head_alone_is_trained_on_the_shipped_encoders_features(tmp_path: Path) -> None:
     config = SMALL.model_copy(update={"features": "frame"})
-    with pytest.raises(TrainingError, match="features = 'frame': must be 'visibility'"):
+    with pytest.raises(TrainingError, match="features = 'frame': must be 'support'"):
         trainer.train(config, tmp_path, installed(), concept="wall")
 
 
