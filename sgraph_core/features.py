@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from sgraph_concepts.types import FloatArray, IntArray, Scene
 from sgraph_core.geometry import cross, dot, in_frames
-from sgraph_core.support import alignment, collinear_lengths
+from sgraph_core.support import SUPPORT, support
 from sgraph_core.visibility import CLOSED_GAPS_M, VISIBILITIES
 
 __all__ = [
@@ -70,9 +70,7 @@ NODE_FEATURES: Mapping[FeatureSet, tuple[str, ...]] = MappingProxyType(
     {
         "support": (
             *_VISIBILITY_NODES,
-            "log 1 + collinear length that faces the same way",
-            "log 1 + collinear length that faces the other way",
-            "alignment with the building",
+            *SUPPORT,
         ),
         "visibility": _VISIBILITY_NODES,
         "frame": ("length",),
@@ -116,8 +114,8 @@ def edge_features(scene: Scene, features: FeatureSet = "support") -> Float32Arra
 
 
 def _support_nodes(scene: Scene) -> FloatArray:
-    collinear = np.log1p(collinear_lengths(scene.surfaces))
-    return np.column_stack([_visibility_nodes(scene), collinear, alignment(scene.surfaces)])
+    own = support(scene.surfaces) if scene.support is None else scene.support
+    return np.column_stack([_visibility_nodes(scene), own])
 
 
 def _visibility_nodes(scene: Scene) -> FloatArray:

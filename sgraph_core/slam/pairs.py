@@ -145,6 +145,7 @@ class LivePairs:
             np.sort(place[ends], axis=1),
             some["distance"][pairs],
             some["visibility"][pairs],
+            support=self._fragments["support"][rows],
         )
         return scene, pairs
 
