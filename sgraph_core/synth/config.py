@@ -111,6 +111,19 @@ class PlanConfig(_Config):
     partition_thickness_m: Interval[Length] = Field(
         default=(0.05, 0.15), description="Thickness of partitions."
     )
+    cubicle_share: Choices[Share] = Field(
+        default=(0.0, 0.0, 0.8),
+        description="Rooms of 40 m2 or more with rows of cubicles; one is drawn per building.",
+    )
+    cubicle_m: Interval[Spacing] = Field(
+        default=(1.8, 3.5), description="Width of cubicles, and depth."
+    )
+    cubicle_partition_m: Interval[Length] = Field(
+        default=(0.04, 0.2), description="Thickness of the partitions between them."
+    )
+    aisle_m: Interval[Length] = Field(
+        default=(1.2, 2.5), description="Aisles between rows of cubicles, and around them."
+    )
     open_plan_share: Choices[Share] = Field(
         default=(0.0, 0.0, 0.0, 0.03),
         description="Neighbouring rooms whose common wall is missing; one is drawn per building.",
@@ -143,6 +156,9 @@ class FittingConfig(_Config):
     opening_share: Share = Field(default=0.1, description="Doors that are wide openings.")
     opening_width_m: Interval[Length] = Field(
         default=(1.3, 3.0), description="Width of wide openings."
+    )
+    cubicle_opening: Interval[Part] = Field(
+        default=(0.4, 0.9), description="Open part of a cubicle's side."
     )
     second_door_share: Share = Field(default=0.15, description="Neighbours with two doors.")
     broken_behind_share: Choices[Share] = Field(

@@ -12,6 +12,7 @@ from shapely import Polygon, box
 
 from sgraph_concepts.types import FloatArray
 from sgraph_core.synth.config import PlanConfig
+from sgraph_core.synth.cubicles import Cubicles, stand_cubicles
 from sgraph_core.synth.interior import stand_columns, stand_partitions
 from sgraph_core.synth.open_plan import open_neighbours
 from sgraph_core.synth.polygons import (
@@ -43,10 +44,12 @@ class Plan:
         rooms: each room's free space, apart by the thickness of the walls; columns and partitions
             are holes.
         open_borders: where two rooms meet without a wall, [B, 2, 2].
+        cubicles: for each room that is one, the room that it stands in.
     """
 
     rooms: list[Polygon]
     open_borders: FloatArray
+    cubicles: Cubicles
 
 
 def draw_plan(rng: Generator, config: PlanConfig) -> Plan | None:
@@ -66,8 +69,9 @@ def draw_plan(rng: Generator, config: PlanConfig) -> Plan | None:
     rooms = _shape_rooms(rooms, rng, config)
     if not rooms:
         return None
+    rooms, cubicles = stand_cubicles(rooms, rng.spawn(1)[0], config)
     rooms = stand_partitions(stand_columns(rooms, rng, config), rng, config)
-    return Plan(*open_neighbours(rooms, rng, config))
+    return Plan(*open_neighbours(rooms, rng, config), cubicles)
 
 
 def _log_uniform(rng: Generator, interval: tuple[float, float]) -> float:

@@ -71,7 +71,7 @@ def draw_surfaces(plan: Plan, rng: Generator, config: FittingConfig) -> Floor:
     windows = draw_windows(gaps.take(outer), rng, config)
     if not facade_mapped:
         gaps = gaps.take(~outer)
-    doors = draw_doors(gaps, walls, rng, config)
+    doors = draw_doors(gaps, walls, plan.cubicles, rng, config)
     borders = border_cutouts(walls, plan.open_borders)
     behind = junctions_behind(gaps, len(walls), rng, rng.choice(config.broken_behind_share))
     broken = cut(walls, [*doors, *windows, *borders, *behind])
