@@ -111,6 +111,16 @@ class PlanConfig(_Config):
     partition_thickness_m: Interval[Length] = Field(
         default=(0.05, 0.15), description="Thickness of partitions."
     )
+    double_wall_share: Choices[Share] = Field(
+        default=(0.0, 0.0, 0.0, 0.1),
+        description="Walls between two rooms that consist of two leaves with a cavity between "
+        "them; one is drawn per building.",
+    )
+    leaf_m: Interval[Length] = Field(
+        default=(0.06, 0.2),
+        description="Thickness of each leaf; a wall that was thicker keeps its thickness.",
+    )
+    cavity_m: Interval[Length] = Field(default=(0.03, 0.4), description="Width of the cavity.")
     cubicle_share: Choices[Share] = Field(
         default=(0.0, 0.0, 0.8),
         description="Rooms of 40 m2 or more with rows of cubicles; one is drawn per building.",
@@ -180,6 +190,10 @@ class FittingConfig(_Config):
     )
     furniture_size_m: Interval[Length] = Field(
         default=(0.2, 1.2), description="Sides of furniture."
+    )
+    cavity_share: Share = Field(
+        default=0.5,
+        description="Buildings with double walls whose cavities are mapped, as in building models.",
     )
     window_share: Choices[Share] = Field(
         default=(0.0, 0.0, 0.0, 0.5),
