@@ -122,7 +122,7 @@ class PlanConfig(_Config):
     )
     cavity_m: Interval[Length] = Field(default=(0.03, 0.4), description="Width of the cavity.")
     cubicle_share: Choices[Share] = Field(
-        default=(0.0, 0.0, 0.8),
+        default=(0.0, 0.8),
         description="Rooms of 40 m2 or more with rows of cubicles; one is drawn per building.",
     )
     cubicle_m: Interval[Spacing] = Field(

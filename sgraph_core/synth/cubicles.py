@@ -18,7 +18,7 @@ FEWEST = 4
 LEAST_LEFT = 0.2
 """Share of a room that its cubicles leave."""
 CELLS_IN_ROW = (3, 9)
-"""After so many cells of a row, from the first to below the second, there is an aisle across."""
+"""After so many cells of a row, from the first to below the second, an aisle runs across."""
 TOUCH_M = 1e-6
 
 Cubicles = dict[int, int]
@@ -61,12 +61,14 @@ def _cells(room: Polygon, thickness: float, rng: Generator, config: PlanConfig) 
     frame = np.stack([axis, turn_left(axis)])
     corners = shapely.get_coordinates(free) @ frame.T
     (left, bottom), (right, top) = corners.min(axis=0), corners.max(axis=0)
-    if along_walls:
-        bottom -= (rows - 1) * depth  # one row at the wall
+    if along_walls:  # along two of them: one row, and an aisle at the opposite walls
+        bottom -= (rows - 1) * depth
+        right, top = right - aisle, top - aisle
     cells = [
         Polygon(shapely.get_coordinates(shapely.box(x, y, x + width, y + depth)) @ frame)
         for x in _places(left, right, width, int(rng.integers(*CELLS_IN_ROW)), thickness + aisle)
         for y in _places(bottom, top, depth, rows, thickness + aisle)
+        if x + width <= right + TOUCH_M and y + depth <= top + TOUCH_M
     ]
     cells = [grow(cell, -thickness / 2) for cell in cells]
     free = grow(free, thickness / 2 + TOUCH_M)
