@@ -46,7 +46,7 @@ class LiveSupport:
         now = self._support(rows)
         other = ~(np.abs(now - pool["support"][rows]) <= SAME_SUPPORT).all(axis=1)
         pool["support"][rows[other]] = now[other]
-        return rows[other]
+        return np.asarray(rows[other])
 
     def _support(self, rows: IntArray) -> FloatArray:
         in_line = np.maximum(self._fragments["in_line"][rows], 0)  # what is gone leaves rounding

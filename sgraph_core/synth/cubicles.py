@@ -9,7 +9,7 @@ from shapely import Polygon
 
 from sgraph_concepts.types import FloatArray
 from sgraph_core.synth.config import PlanConfig
-from sgraph_core.synth.polygons import clean, extent, grow, turn_left
+from sgraph_core.synth.polygons import clean, extent, grow, polygons_in, turn_left
 
 __all__ = ["Cubicles", "stand_cubicles"]
 
@@ -70,8 +70,8 @@ def _cells(room: Polygon, thickness: float, rng: Generator, config: PlanConfig) 
         for y in _places(bottom, top, depth, rows, thickness + aisle)
         if x + width <= right + TOUCH_M and y + depth <= top + TOUCH_M
     ]
-    cells = [grow(cell, -thickness / 2) for cell in cells]
     free = grow(free, thickness / 2 + TOUCH_M)
+    cells = [part for cell in cells for part in polygons_in(grow(cell, -thickness / 2))]
     return [cell for cell in cells if free.contains(cell)]
 
 
