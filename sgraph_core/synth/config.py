@@ -132,7 +132,7 @@ class PlanConfig(_Config):
         default=(0.04, 0.2), description="Thickness of the partitions between them."
     )
     aisle_m: Interval[Length] = Field(
-        default=(1.2, 2.5), description="Aisles between rows of cubicles, and around them."
+        default=(1.0, 2.5), description="Aisles between rows of cubicles, and around them."
     )
     open_plan_share: Choices[Share] = Field(
         default=(0.0, 0.0, 0.0, 0.03),
@@ -163,7 +163,10 @@ class FittingConfig(_Config):
         description="Neighbouring rooms joined by a door; one is drawn per building.",
     )
     door_width_m: Interval[Length] = Field(default=(0.7, 1.1), description="Width of doors.")
-    opening_share: Share = Field(default=0.1, description="Doors that are wide openings.")
+    opening_share: Choices[Share] = Field(
+        default=(0.05, 0.05, 0.1, 0.6),
+        description="Doors that are wide openings; one is drawn per building.",
+    )
     opening_width_m: Interval[Length] = Field(
         default=(1.3, 3.0), description="Width of wide openings."
     )

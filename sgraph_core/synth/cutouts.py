@@ -59,7 +59,7 @@ def draw_doors(
         rooms = sorted((int(walls.rooms[one]), int(walls.rooms[two])))
         if rooms[0] != rooms[1]:
             between[rooms[0], rooms[1]].append(k)
-    share = rng.choice(config.door_share)
+    share, wide_share = rng.choice(config.door_share), rng.choice(config.opening_share)
     doors = []
     for (one, two), candidates in between.items():
         if one in cubicles or two in cubicles:
@@ -69,7 +69,7 @@ def draw_doors(
         if rng.random() >= share:
             continue
         for _ in range(2 if rng.random() < config.second_door_share else 1):
-            wide = rng.random() < config.opening_share
+            wide = rng.random() < wide_share
             width = rng.uniform(*(config.opening_width_m if wide else config.door_width_m))
             gap = int(rng.choice(candidates))
             length = float(gaps.lengths[gap])
