@@ -14,7 +14,7 @@ from sgraph_core.support import FARTHEST_M, collinear, lines_near, turns
 
 __all__ = ["LiveSupport"]
 
-SAME_SUPPORT = 0.005
+SAME_SUPPORT = 0.001
 """A value that differs by less from the one that was scored by is the same: a building's
 directions change a little with every surface, and with them the alignment of all others."""
 ROWS_AT_ONCE = 64

@@ -21,7 +21,7 @@ from sgraph_core.evaluation.incremental import drive_through
 from sgraph_core.graph import Pins, SGraph
 from sgraph_core.slam import ConceptTracker, Update, Work
 from sgraph_core.synth.building import draw_building
-from sgraph_core.synth.config import BuildingConfig
+from sgraph_core.synth.config import BuildingConfig, ViewConfig
 from sgraph_plugins.room.outline import outline
 
 
@@ -52,7 +52,9 @@ def add(tracker: ConceptTracker, graph: SGraph, surfaces: Sequence[int]) -> Upda
 
 
 def building(seed: int) -> SGraph:
-    drawn = draw_building(np.random.default_rng(seed), BuildingConfig())
+    """Return a map with noise: in exact maps, what lies in a line with a corner is up to rounding."""
+    config = BuildingConfig(view=ViewConfig(noise_m=(0.01, 0.03)))
+    drawn = draw_building(np.random.default_rng(seed), config)
     graph = SGraph()
     count = len(drawn.segments)
     unknown = np.full((count, 2), np.nan)
