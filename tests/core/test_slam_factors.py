@@ -387,7 +387,7 @@ def test_a_plugin_that_fails_changes_nothing_and_the_next_update_makes_up_for_it
         nodes = zip(caller.tracker.nodes(concept), calm.tracker.nodes(concept), strict=True)
         for ours, theirs in nodes:
             assert replace(ours, confidence=None) == replace(theirs, confidence=None)
-            # what was computed anew holds the support of today, the other's that of an update before
+            # computed anew is the support of today, kept that of an earlier update
             assert ours.confidence == pytest.approx(theirs.confidence, abs=1e-3)
     estimates = caller.settled(), calm.settled()
     made_up, as_usual = (

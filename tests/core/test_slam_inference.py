@@ -52,7 +52,7 @@ def add(tracker: ConceptTracker, graph: SGraph, surfaces: Sequence[int]) -> Upda
 
 
 def building(seed: int) -> SGraph:
-    """Return a map with noise: in exact maps, what lies in a line with a corner is up to rounding."""
+    """Return a noisy map: in exact ones, what is in line with a corner is up to rounding."""
     config = BuildingConfig(view=ViewConfig(noise_m=(0.01, 0.03)))
     drawn = draw_building(np.random.default_rng(seed), config)
     graph = SGraph()
