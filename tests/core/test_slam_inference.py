@@ -24,6 +24,9 @@ from sgraph_core.synth.building import draw_building
 from sgraph_core.synth.config import BuildingConfig, ViewConfig
 from sgraph_plugins.room.outline import outline
 
+NOISY = BuildingConfig(view=ViewConfig(noise_m=(0.01, 0.02, 0.05)))
+"""Exact corners would leave it to rounding whether a line of sight that touches one is free."""
+
 
 def assert_as_inferred_at_once(tracker: ConceptTracker, detector: Detector) -> None:
     """Same nodes, as sure, and with the same shapes."""
@@ -52,9 +55,7 @@ def add(tracker: ConceptTracker, graph: SGraph, surfaces: Sequence[int]) -> Upda
 
 
 def building(seed: int) -> SGraph:
-    """Return a noisy map: in exact ones, what is in line with a corner is up to rounding."""
-    config = BuildingConfig(view=ViewConfig(noise_m=(0.01, 0.03)))
-    drawn = draw_building(np.random.default_rng(seed), config)
+    drawn = draw_building(np.random.default_rng(seed), NOISY)
     graph = SGraph()
     count = len(drawn.segments)
     unknown = np.full((count, 2), np.nan)
