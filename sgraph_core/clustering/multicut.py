@@ -22,6 +22,7 @@ from sgraph_concepts.types import FloatArray, IntArray
 __all__ = ["multicut"]
 
 MOST_PASSES = 10
+"""How often all numbers beside one that has moved are asked again; two or three times suffice."""
 LEAST_GAIN = 1e-9
 """Moves that gain less are rounding."""
 
