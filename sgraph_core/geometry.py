@@ -12,6 +12,7 @@ __all__ = [
     "TIE_M",
     "Geometries",
     "boxes_of",
+    "close_together",
     "closest_distances",
     "cross",
     "dot",
@@ -68,6 +69,26 @@ def closest_distances(segments: FloatArray, one: IntArray, two: IntArray) -> Flo
     """Return the closest distances between pairs of segments, [P]."""
     lines = lines_of(segments)
     return np.asarray(shapely.distance(lines[one], lines[two]))
+
+
+def close_together(
+    segments: FloatArray, others: FloatArray, distance_m: float
+) -> tuple[IntArray, IntArray]:
+    """Return which segments come this close to which others.
+
+    Args:
+        segments: [N, 2, 2].
+        others: [M, 2, 2].
+        distance_m: the largest distance.
+
+    Returns:
+        Rows of the segments and of the others, [P] each.
+    """
+    lines, other_lines = lines_of(segments), lines_of(others)
+    # testing what the boxes leave is faster than a query with the predicate "dwithin"
+    one, two = shapely.STRtree(other_lines).query(boxes_of(segments, distance_m + TIE_M))
+    close = shapely.dwithin(lines[one], other_lines[two], distance_m)
+    return one[close], two[close]
 
 
 def in_frames(

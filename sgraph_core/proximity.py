@@ -11,11 +11,10 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from sgraph_concepts.types import FloatArray, IntArray, OccupancyGrid, Scene, SurfaceArrays
-from sgraph_core.geometry import TIE_M, boxes_of, closest_distances, lines_of, unique_pairs
+from sgraph_core.geometry import close_together, closest_distances, unique_pairs
 from sgraph_core.visibility import facing_pairs, visibility
 
 __all__ = ["CLOSE_M", "FACING", "Neighbours", "build_scene", "worth_relating"]
@@ -91,9 +90,6 @@ def _nearest_pairs(surfaces: SurfaceArrays) -> IntArray:
 
 
 def _close_pairs(surfaces: SurfaceArrays) -> IntArray:
-    lines = lines_of(surfaces.segments)
-    # testing what the boxes leave is faster than a query with the predicate "dwithin"
-    one, two = shapely.STRtree(lines).query(boxes_of(surfaces.segments, CLOSE_M + TIE_M))
-    one, two = one[one < two], two[one < two]
-    close = shapely.dwithin(lines[one], lines[two], CLOSE_M)
-    return np.stack([one[close], two[close]], axis=1)
+    one, two = close_together(surfaces.segments, surfaces.segments, CLOSE_M)
+    pairs: IntArray = np.stack([one, two], axis=1)[one < two]
+    return pairs
