@@ -80,8 +80,8 @@ class Rays:
         points, normals = _points(surfaces), surfaces.normals.T
         starts, ends = points.take(one, axis=2), points.take(two, axis=2)
         directions = _directions(starts, ends)
-        leaves = _dot(directions, normals[:, None, one]) > 0
-        arrives = _dot(directions, normals[:, None, two]) < 0
+        leaves = _dot(directions, normals.take(one, axis=1)[:, None, None]) > 0
+        arrives = _dot(directions, normals.take(two, axis=1)[:, None, None]) < 0
         return cls(starts, ends, (leaves & arrives).reshape(len(FRACTIONS) ** 2, -1))
 
     @property
@@ -137,7 +137,7 @@ class Rays:
         first, second = segments[:, :1], segments[:, 1:]
         along = second - first
         start, end = _cross(along, starts - first)[:, None], _cross(along, ends - first)
-        # the segment's line lies between start and end, or touches one of them; not both
+        # start and end are on two sides of the segment's line, or one of them, not both, is on it
         parts = ((start >= 0) & (end <= 0)) ^ ((start <= 0) & (end >= 0))
         directions = _directions(starts, ends)
         sides = _cross(directions, (first - starts)[:, :, None])
