@@ -207,9 +207,13 @@ def _on_both_sides(
     # a point is on the line where x * its x + y * its y + offset = 0
     x, y, offset = first[1] - second[1], second[0] - first[0], _cross(first, second)
     x, y, offset = x.take(line), y.take(line), offset.take(line)
-    ends = segments.take(segment, axis=2)
-    side = x * ends[0] + y * ends[1] + offset
-    return np.asarray(side[0] * side[1] <= 0)
+    sides = []
+    for end_x, end_y in segments.swapaxes(0, 1):
+        side = x * end_x.take(segment)
+        side += y * end_y.take(segment)
+        side += offset
+        sides.append(side)
+    return np.asarray(sides[0] * sides[1] <= 0)
 
 
 def _separates(corners: FloatArray, segments: FloatArray) -> NDArray[np.bool_]:
