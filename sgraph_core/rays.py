@@ -114,7 +114,7 @@ class Rays:
         if own is not None:
             pair, obstacle = _foreign(pair, obstacle, own)
         for may_meet in (_corners_on_both_sides, _reaches_between):
-            meets = may_meet(corners.take(pair, axis=2), obstacles.ends.take(obstacle, axis=2))
+            meets = may_meet(corners, obstacles.ends, pair, obstacle)
             pair, obstacle = _those(meets, pair, obstacle)
         crosses = self._crossings(pair, obstacles.ends.take(obstacle, axis=2))
         # with flat indices both np.nonzero and np.minimum.at are several times as fast
@@ -219,7 +219,9 @@ def _on_both_sides(
 def _separates(corners: FloatArray, segments: FloatArray) -> NDArray[np.bool_]:
     """Return whether a segment's line has all starts of rays on one side and all ends on the other.
 
-    Arguments as of :func:`_corners_on_both_sides`.
+    Args:
+        corners: outermost starts and outermost ends of rays, [2, 4, P].
+        segments: first and second ends, [2, 2, P].
     """
     first, second = segments[:, :1], segments[:, 1:]
     side = _cross(second - first, corners - first)
@@ -244,36 +246,57 @@ def _crosses_outermost(corners: FloatArray, segments: FloatArray) -> NDArray[np.
     return crosses
 
 
-def _corners_on_both_sides(corners: FloatArray, segments: FloatArray) -> NDArray[np.bool_]:
+def _corners_on_both_sides(
+    corners: FloatArray, segments: FloatArray, pair: IntArray, segment: IntArray
+) -> NDArray[np.bool_]:
     """Return whether a segment's line has corners on both sides: only then may rays cross it.
 
     Args:
-        corners: of the quadrilateral that holds a pair's rays, first two on the first surface,
+        corners: of the quadrilaterals that hold the pairs' rays, first two on the first surface,
             [2, 4, P].
-        segments: first and second ends, [2, 2, P].
+        segments: first and second ends, [2, 2, S].
+        pair: rows of the pairs that are compared, [C].
+        segment: and of the segments, [C].
     """
-    first, second = segments[:, :1], segments[:, 1:]
-    side = _cross(second - first, corners - first)
-    return np.asarray((side.max(axis=0) >= 0) & (side.min(axis=0) <= 0))
+    first = segments[:, 0].take(segment, axis=1)
+    along = segments[:, 1].take(segment, axis=1) - first
+    left, right = np.zeros((2, len(pair)), bool)
+    for corner in range(4):  # one at a time, since larger arrays would leave the cache
+        side = _cross(along, corners[:, corner].take(pair, axis=1) - first)
+        left |= side >= 0
+        right |= side <= 0
+    return np.asarray(left & right)
 
 
-def _reaches_between(corners: FloatArray, segments: FloatArray) -> NDArray[np.bool_]:
+def _reaches_between(
+    corners: FloatArray, segments: FloatArray, pair: IntArray, segment: IntArray
+) -> NDArray[np.bool_]:
     """Return whether segments reach between the two lines that join a pair's outer points.
 
     Arguments as above. Says no only if such a line has all corners on one side and the segment on
     the other.
     """
-    meets = np.ones(corners.shape[2], bool)
-    for one, two in ((0, 3), (1, 2)):
-        first, along = corners[:, one, None], corners[:, two, None] - corners[:, one, None]
-        own, other = _cross(along, corners - first), _cross(along, segments - first)
-        meets &= (own.min(axis=0) < 0) | (other.max(axis=0) >= 0)
-        meets &= (own.max(axis=0) > 0) | (other.min(axis=0) <= 0)
-    return meets
+    reaches = np.ones(len(pair), bool)
+    for one, two, *others in ((0, 3, 1, 2), (1, 2, 0, 3)):
+        first = corners[:, one].take(pair, axis=1)
+        along = corners[:, two].take(pair, axis=1) - first
+        left, right = np.zeros((2, len(pair)), bool)
+        for other in others:
+            side = _cross(along, corners[:, other].take(pair, axis=1) - first)
+            left |= side > 0
+            right |= side < 0
+        for end in range(2):
+            side = _cross(along, segments[:, end].take(segment, axis=1) - first)
+            left |= side <= 0
+            right |= side >= 0
+        reaches &= left & right
+    return reaches
 
 
 def _cross(one: FloatArray, two: FloatArray) -> FloatArray:
-    return np.asarray(one[0] * two[1] - one[1] * two[0])
+    product = np.asarray(one[0] * two[1])
+    product -= one[1] * two[0]  # in place: fresh memory costs as much as the arithmetic
+    return product
 
 
 def _dot(one: FloatArray, two: FloatArray) -> FloatArray:
