@@ -12,7 +12,7 @@ import numpy as np
 from sgraph_concepts.errors import ConceptError
 from sgraph_concepts.registry import Registry
 from sgraph_concepts.spec import WALL_SURFACE
-from sgraph_concepts.types import ConceptNode, FactorContext, FactorResult
+from sgraph_concepts.types import ConceptNode, FactorContext, FactorResult, Memory
 from sgraph_core.backend.association import TIE_SIGMAS, Proposal, Same, associate
 from sgraph_core.backend.checks import check_factors
 from sgraph_core.backend.coincidence import coincidence
@@ -205,7 +205,7 @@ def _results(
         reference = factor_types.get(name, spec.factor)
         if reference in (None, NO_FACTOR) or spec.groups != WALL_SURFACE or not nodes:
             continue
-        make = registry.part(name, "factor", reference)
+        make, memory = registry.part(name, "factor", reference), Memory()
         for node in nodes:
             members = [member for member in node.members if member in observed]
             context = FactorContext(
@@ -215,6 +215,7 @@ def _results(
                 nodes,
                 partial(keys.node, name, node.id),
                 surfaces,
+                memory,
             )
             yield name, node, made_by(make, name, node, context)
 

@@ -19,6 +19,7 @@ from sgraph_concepts.types import (
     FactorResult,
     FloatArray,
     IntArray,
+    Memory,
     SurfaceArrays,
 )
 from sgraph_core.backend.association import Association, Proposal, Same, associate
@@ -401,11 +402,12 @@ class ConceptTracker:
             change, nodes = changes[name], self._nodes[name]
             after = nodes.after(change)
             wanted = {node.id for node in (*change.added, *change.changed)}
+            memory = Memory()
             for surface in self._newly_observed:
                 wanted |= {node.id for node in nodes.having(surface)}
             for node in after:
                 if node.id in wanted or self._unmade:
-                    context = self._context(name, node, after, surfaces)
+                    context = self._context(name, node, after, surfaces, memory)
                     result = made_by(make, name, node, context)
                     check_factors(
                         f"factor of {name} {node.id}", result, _planes(context), gtsam.Values()
@@ -419,6 +421,7 @@ class ConceptTracker:
         node: ConceptNode,
         nodes: Sequence[ConceptNode],
         surfaces: SurfaceArrays,
+        memory: Memory,
     ) -> FactorContext:
         members = [member for member in node.members if member in self._observed]
         rows = np.array([self._observed[member] for member in members], np.int64)
@@ -432,6 +435,7 @@ class ConceptTracker:
             nodes,
             partial(self._keys.node, concept, node.id),
             surfaces,
+            memory,
         )
 
     def _observed_surfaces(self) -> SurfaceArrays:

@@ -7,10 +7,20 @@ lets all proposed pairs vote.
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
 
-from sgraph_concepts.types import ConceptNode, FactorContext, FactorResult, IntArray, SurfaceArrays
+import numpy as np
+
+from sgraph_concepts.types import (
+    ConceptNode,
+    FactorContext,
+    FactorResult,
+    FloatArray,
+    IntArray,
+    SurfaceArrays,
+)
 from sgraph_core.backend.coincidence import coincidence
 
 __all__ = ["factors"]
@@ -20,14 +30,43 @@ FARTHEST_M = 3.0
 """Beyond this distance a surface that faces the same way may well be another room's."""
 
 
+@dataclass(frozen=True, eq=False)
+class _Places:
+    """Where the N observed surfaces are.
+
+    Attributes:
+        row: of each surface's id.
+        low, high: corners of the boxes around the surfaces, [2, N].
+    """
+
+    row: Mapping[int, int]
+    low: FloatArray
+    high: FloatArray
+
+    @classmethod
+    def of(cls, surfaces: SurfaceArrays) -> _Places:
+        row = {surface: row for row, surface in enumerate(surfaces.ids.tolist())}
+        one, two = np.ascontiguousarray(surfaces.segments.transpose(1, 2, 0))
+        return cls(row, np.minimum(one, two), np.maximum(one, two))
+
+    def near(self, rows: IntArray) -> IntArray:
+        """Return which surfaces reach into the box around some of them."""
+        x, y = self.low[:, rows].min(axis=1) - FARTHEST_M
+        right, top = self.high[:, rows].max(axis=1) + FARTHEST_M
+        reach = (self.high[0] >= x) & (self.low[0] <= right)
+        return np.flatnonzero(reach & (self.high[1] >= y) & (self.low[1] <= top))
+
+
 def factors(node: ConceptNode, context: FactorContext) -> FactorResult:
     """Return the pairs of surfaces that may be one surface of this room seen twice."""
-    surfaces = context.surfaces
-    mine = np.flatnonzero(np.isin(surfaces.ids, node.members))
-    if not len(mine):
+    places = context.memory.recall("places", partial(_Places.of, context.surfaces))
+    members = sorted(places.row[member] for member in node.members if member in places.row)
+    if not members:
         return FactorResult()
-    near = np.flatnonzero(_near(surfaces, mine))
-    one, two = (grid.ravel() for grid in np.meshgrid(mine, near, indexing="ij"))
+    near = places.near(np.array(members, np.int64))
+    surfaces = context.surfaces.take(near)
+    mine = np.searchsorted(near, members)
+    one, two = (grid.ravel() for grid in np.meshgrid(mine, np.arange(len(near)), indexing="ij"))
     once = ~np.isin(two, mine) | (one < two)  # two members would come in both orders
     one, two = one[once], two[once]
     lie = coincidence(surfaces, one, two)
@@ -35,11 +74,3 @@ def factors(node: ConceptNode, context: FactorContext) -> FactorResult:
     twice &= np.abs(lie.angles) <= SAME_ANGLE_RAD
     pairs = surfaces.ids[np.stack([one[twice], two[twice]], axis=1)]
     return FactorResult(same=[(first, second) for first, second in pairs.tolist()])
-
-
-def _near(surfaces: SurfaceArrays, mine: IntArray) -> NDArray[np.bool_]:
-    """Return which surfaces reach into the box around the room's own."""
-    low = surfaces.segments[mine].min(axis=(0, 1)) - FARTHEST_M
-    high = surfaces.segments[mine].max(axis=(0, 1)) + FARTHEST_M
-    ends = surfaces.segments
-    return np.asarray(((ends.max(axis=1) >= low) & (ends.min(axis=1) <= high)).all(axis=1))
