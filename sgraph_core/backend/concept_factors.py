@@ -107,7 +107,9 @@ def concept_factors(
     """
     keys, registry = keys or Keys(), registry if registry is not None else installed()
     collected = _Collected(gtsam.NonlinearFactorGraph(), gtsam.Values(), [], [])
-    planes = _plane_values(graph, keys)
+    surfaces = np.unique(graph.observations.surface_ids).tolist()
+    of_surface = world_planes(graph)
+    planes = {keys.surface(i): of_surface[graph.surface_row(i)] for i in surfaces}
     for name, node, result in _results(graph, keys, factor_types or {}, registry):
         check_factors(f"factor of {name} {node.id}", result, planes, collected.values)
         collected.add(name, node.id, (), result)
@@ -178,15 +180,6 @@ def tie(same: Same, graph: SGraph, keys: Keys) -> FactorResult:
         None,
         TieNoise(*TIE_SIGMAS),
     )
-
-
-def _plane_values(graph: SGraph, keys: Keys) -> gtsam.Values:
-    values, planes = gtsam.Values(), world_planes(graph)
-    for surface in sorted(set(graph.observations.surface_ids.tolist())):
-        values.insert(
-            keys.surface(surface), gtsam.OrientedPlane3(*planes[graph.surface_row(surface)])
-        )
-    return values
 
 
 def _results(

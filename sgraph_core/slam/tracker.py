@@ -480,8 +480,5 @@ def _update_of(handout: Handout, nodes: Mapping[str, NodeChanges], work: Work) -
     return Update(handout.factors, handout.values, handout.remove, handout.unused, nodes, work)
 
 
-def _planes(context: FactorContext) -> gtsam.Values:
-    values = gtsam.Values()
-    for member, key in context.plane_keys.items():
-        values.insert(key, gtsam.OrientedPlane3(*context.planes[member]))
-    return values
+def _planes(context: FactorContext) -> dict[int, FloatArray]:
+    return {key: context.planes[member] for member, key in context.plane_keys.items()}
