@@ -29,7 +29,7 @@ __all__ = [
     "concept_factors",
     "made_by",
     "propose",
-    "tie",
+    "ties",
     "with_ties",
 ]
 
@@ -114,8 +114,9 @@ def concept_factors(
         check_factors(f"factor of {name} {node.id}", result, planes, collected.values)
         collected.add(name, node.id, (), result)
         collected.proposals.append(Proposal(name, node.id, result.same))
-    for pair in associate(graph, collected.proposals).same if same is None else same:
-        collected.add(pair.concept, pair.node, pair.pair, tie(pair, graph, keys))
+    if same is None:
+        same = associate(graph, collected.proposals).same
+    collected.tie(same, graph, keys)
     return collected.done()
 
 
@@ -129,8 +130,7 @@ def with_ties(
         list(concepts.groups),
         list(concepts.proposals),
     )
-    for pair in same:
-        collected.add(pair.concept, pair.node, pair.pair, tie(pair, graph, keys))
+    collected.tie(same, graph, keys)
     return collected.done()
 
 
@@ -162,24 +162,32 @@ class _Collected:
             indices = tuple(range(first, self.graph.size()))
             self.groups.append(FactorGroup(concept, node, surfaces, indices))
 
+    def tie(self, same: Sequence[Same], graph: SGraph, keys: Keys) -> None:
+        for pair, result in zip(same, ties(same, graph, keys), strict=True):
+            self.add(pair.concept, pair.node, pair.pair, result)
+
     def done(self) -> ConceptFactors:
         return ConceptFactors(self.graph, self.values, self.groups, self.proposals)
 
 
-def tie(same: Same, graph: SGraph, keys: Keys) -> FactorResult:
-    """Return what ties two surfaces of an S-Graph that are one."""
+def ties(same: Sequence[Same], graph: SGraph, keys: Keys) -> list[FactorResult]:
+    """Return what ties each two surfaces of an S-Graph that are one."""
     surfaces = graph.wall_surfaces.ordered()
-    one, two = (np.array([graph.surface_row(i)]) for i in same.pair)
-    lie = coincidence(surfaces, one, two)
-    normal = surfaces.normals[one[0]]
-    return tie_planes(
-        (keys.surface(same.pair[0]), keys.surface(same.pair[1])),
-        keys.tie(*same.pair),
-        lie.points[0] + lie.gaps[0] / 2 * normal,
-        normal,
-        None,
-        TieNoise(*TIE_SIGMAS),
-    )
+    rows = [[graph.surface_row(i) for i in pair.pair] for pair in same]
+    one, two = np.array(rows, np.int64).reshape(-1, 2).T
+    lie, normals = coincidence(surfaces, one, two), surfaces.normals[one]
+    centres = lie.points + lie.gaps[:, None] / 2 * normals
+    return [
+        tie_planes(
+            (keys.surface(pair.pair[0]), keys.surface(pair.pair[1])),
+            keys.tie(*pair.pair),
+            centre,
+            normal,
+            None,
+            TieNoise(*TIE_SIGMAS),
+        )
+        for pair, centre, normal in zip(same, centres, normals, strict=True)
+    ]
 
 
 def _results(

@@ -24,7 +24,7 @@ from sgraph_concepts.types import (
 )
 from sgraph_core.backend.association import Association, Proposal, Same, associate
 from sgraph_core.backend.checks import check_factors
-from sgraph_core.backend.concept_factors import NO_FACTOR, made_by, tie
+from sgraph_core.backend.concept_factors import NO_FACTOR, made_by, ties
 from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.low_layers import vertical_planes
 from sgraph_core.detector import Detector
@@ -288,15 +288,14 @@ class ConceptTracker:
             proposed = {frozenset(pair) for proposal in proposals for pair in proposal.pairs}
             same = [pair for pair in self._ties.values() if frozenset(pair.pair) in proposed]
             new = associate(self._graph, proposals, Association(same)).same
-            ties: dict[Owner, Same] = {("same", *pair.pair): pair for pair in (*same, *new)}
-            made = [
-                (owner, tie(pair, self._graph, self._keys))
-                for owner, pair in ties.items()
-                if owner not in self._ties
-            ]
-            handout = self._ledger.prepare(self._ties.keys() - ties.keys(), made)
+            tied: dict[Owner, Same] = {("same", *pair.pair): pair for pair in (*same, *new)}
+            fresh = {owner: pair for owner, pair in tied.items() if owner not in self._ties}
+            factors = ties(list(fresh.values()), self._graph, self._keys)
+            handout = self._ledger.prepare(
+                self._ties.keys() - tied.keys(), list(zip(fresh, factors, strict=True))
+            )
             self._ledger.commit(handout)
-            self._ties = ties
+            self._ties = tied
             update = _update_of(handout, {}, Work())
             if self._smoother is not None:
                 self._take(self._smoother, update)

@@ -66,11 +66,10 @@ def factors(node: ConceptNode, context: FactorContext) -> FactorResult:
     near = places.near(np.array(members, np.int64))
     surfaces = context.surfaces.take(near)
     mine = np.searchsorted(near, members)
-    one, two = (grid.ravel() for grid in np.meshgrid(mine, np.arange(len(near)), indexing="ij"))
-    once = ~np.isin(two, mine) | (one < two)  # two members would come in both orders
-    one, two = one[once], two[once]
-    lie = coincidence(surfaces, one, two)
+    alike = surfaces.normals[mine] @ surfaces.normals.T >= np.cos(SAME_ANGLE_RAD)
+    alike[:, mine] &= mine[:, None] < mine  # two members would come in both orders
+    which, two = np.nonzero(alike)
+    lie = coincidence(surfaces, mine[which], two)
     twice = (lie.overlaps >= -FARTHEST_M) & (np.abs(lie.gaps) <= FARTHEST_M)
-    twice &= np.abs(lie.angles) <= SAME_ANGLE_RAD
-    pairs = surfaces.ids[np.stack([one[twice], two[twice]], axis=1)]
+    pairs = surfaces.ids[np.stack([mine[which], two], axis=1)[twice]]
     return FactorResult(same=[(first, second) for first, second in pairs.tolist()])
