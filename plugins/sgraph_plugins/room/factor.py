@@ -7,7 +7,6 @@ lets all proposed pairs vote.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 
@@ -31,41 +30,36 @@ FARTHEST_M = 3.0
 
 
 @dataclass(frozen=True, eq=False)
-class _Places:
-    """Where the N observed surfaces are.
+class _Boxes:
+    """The boxes around N surfaces.
 
     Attributes:
-        row: of each surface's id.
-        low, high: corners of the boxes around the surfaces, [2, N].
+        low, high: their corners, [2, N].
     """
 
-    row: Mapping[int, int]
     low: FloatArray
     high: FloatArray
 
     @classmethod
-    def of(cls, surfaces: SurfaceArrays) -> _Places:
-        row = {surface: row for row, surface in enumerate(surfaces.ids.tolist())}
-        one, two = np.ascontiguousarray(surfaces.segments.transpose(1, 2, 0))
-        return cls(row, np.minimum(one, two), np.maximum(one, two))
+    def around(cls, segments: FloatArray) -> _Boxes:
+        one, two = np.ascontiguousarray(segments.transpose(1, 2, 0))
+        return cls(np.minimum(one, two), np.maximum(one, two))
 
-    def near(self, rows: IntArray) -> IntArray:
-        """Return which surfaces reach into the box around some of them."""
-        x, y = self.low[:, rows].min(axis=1) - FARTHEST_M
-        right, top = self.high[:, rows].max(axis=1) + FARTHEST_M
-        reach = (self.high[0] >= x) & (self.low[0] <= right)
-        return np.flatnonzero(reach & (self.high[1] >= y) & (self.low[1] <= top))
+    def near(self, segments: FloatArray) -> IntArray:
+        """Return which boxes come close to the box around some segments."""
+        left, bottom = segments.min(axis=(0, 1)) - FARTHEST_M
+        right, top = segments.max(axis=(0, 1)) + FARTHEST_M
+        beside = (self.high[0] >= left) & (self.low[0] <= right)
+        return np.flatnonzero(beside & (self.high[1] >= bottom) & (self.low[1] <= top))
 
 
 def factors(node: ConceptNode, context: FactorContext) -> FactorResult:
     """Return the pairs of surfaces that may be one surface of this room seen twice."""
-    places = context.memory.recall("places", partial(_Places.of, context.surfaces))
-    members = sorted(places.row[member] for member in node.members if member in places.row)
-    if not members:
+    if not context.segments:
         return FactorResult()
-    near = places.near(np.array(members, np.int64))
-    surfaces = context.surfaces.take(near)
-    mine = np.searchsorted(near, members)
+    boxes = context.memory.recall("boxes", partial(_Boxes.around, context.surfaces.segments))
+    surfaces = context.surfaces.take(boxes.near(np.array(list(context.segments.values()))))
+    mine = np.flatnonzero(np.isin(surfaces.ids, list(context.segments)))
     alike = surfaces.normals[mine] @ surfaces.normals.T >= np.cos(SAME_ANGLE_RAD)
     alike[:, mine] &= mine[:, None] < mine  # two members would come in both orders
     which, two = np.nonzero(alike)
