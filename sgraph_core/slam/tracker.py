@@ -34,6 +34,7 @@ from sgraph_core.slam.estimate import moves
 from sgraph_core.slam.handout import Handout, Ledger, Owner
 from sgraph_core.slam.inference import LiveInference, Work
 from sgraph_core.slam.nodes import LiveNodes, NodeChanges
+from sgraph_core.slam.pool import Pool
 from sgraph_core.slam.smoother import Smoother
 from sgraph_core.tables import WallSurfaces
 
@@ -128,10 +129,10 @@ class ConceptTracker:
         self._mapped: dict[int, Mapped] = {}
         self._origin: FloatArray | None = None
         self._pending: set[int] = set(self._graph.wall_surfaces.ids.tolist())
-        self._observed = {
-            i: self._graph.surface_row(i)
-            for i in np.unique(self._graph.observations.surface_ids).tolist()
-        }
+        self._observed: dict[int, int] = {}
+        self._observed_rows = Pool(row=np.empty(0, np.int64))
+        for surface in np.unique(self._graph.observations.surface_ids).tolist():
+            self._count_observed(surface)
         self._newly_observed: set[int] = set()
         self._unmade = False
         self._proposals: dict[Owner, Sequence[tuple[int, int]]] = {}
@@ -197,7 +198,7 @@ class ConceptTracker:
         with self._lock:
             self._graph.observe(surface_id, keyframe_id, plane, sigmas)
             if surface_id not in self._observed:
-                self._observed[surface_id] = self._graph.surface_row(surface_id)
+                self._count_observed(surface_id)
                 self._newly_observed.add(surface_id)
 
     def move(
@@ -401,9 +402,9 @@ class ConceptTracker:
             change, nodes = changes[name], self._nodes[name]
             after = nodes.after(change)
             wanted = {node.id for node in (*change.added, *change.changed)}
-            memory = Memory()
             for surface in self._newly_observed:
                 wanted |= {node.id for node in nodes.having(surface)}
+            memory = Memory()
             for node in after:
                 if node.id in wanted or self._unmade:
                     context = self._context(name, node, after, surfaces, memory)
@@ -437,9 +438,12 @@ class ConceptTracker:
             memory,
         )
 
+    def _count_observed(self, surface: int) -> None:
+        row = self._observed[surface] = self._graph.surface_row(surface)
+        self._observed_rows.add(1, row=np.array([row]))
+
     def _observed_surfaces(self) -> SurfaceArrays:
-        rows = np.fromiter(self._observed.values(), np.int64, len(self._observed))
-        return _taken(self._graph.wall_surfaces, rows)
+        return _taken(self._graph.wall_surfaces, self._observed_rows["row"])
 
     def _factor_makers(self, factor_types: Mapping[str, str]) -> dict[str, FactorMaker]:
         registry = self._detector.registry
