@@ -123,6 +123,6 @@ def boxes_around(segments: FloatArray) -> FloatArray:
 def rows_where(size: int, *numbers: IntArray) -> IntArray:
     """Return the row numbers below ``size`` that are in any of the arrays, ascending, each once."""
     present = np.zeros(size, bool)
-    for some in numbers:
-        present[some] = True
+    if numbers:
+        present[np.concatenate(numbers)] = True
     return np.flatnonzero(present)
