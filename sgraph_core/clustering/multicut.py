@@ -17,6 +17,8 @@ import heapq
 from collections import defaultdict
 from math import sqrt
 
+import numpy as np
+
 from sgraph_concepts.types import FloatArray, IntArray
 
 __all__ = ["multicut"]
@@ -40,6 +42,9 @@ def multicut(count: int, pairs: IntArray, weights: FloatArray) -> list[list[int]
     Returns:
         The sets, each ascending, by their smallest number.
     """
+    parts = _parts(count, pairs[weights > 0])
+    inside = parts[pairs[:, 0]] == parts[pairs[:, 1]]  # no contraction joins two parts
+    pairs, weights = pairs[inside], weights[inside]
     neighbours: list[dict[int, float]] = [{} for _ in range(count)]
     for (one, two), weight in zip(pairs.tolist(), weights.tolist(), strict=True):
         neighbours[one][two] = neighbours[two][one] = weight
@@ -81,6 +86,20 @@ def _contracted(neighbours: list[dict[int, float]]) -> list[int]:
 
 def _urgency(weight: float, added_up: int) -> float:
     return weight / sqrt(added_up)
+
+
+def _parts(count: int, pairs: IntArray) -> IntArray:
+    """Return a number for each of the numbers, equal for those that pairs link, directly or not."""
+    above = list(range(count))
+
+    def top(number: int) -> int:
+        while above[number] != number:
+            above[number] = number = above[above[number]]
+        return number
+
+    for one, two in pairs.tolist():
+        above[top(one)] = top(two)
+    return np.array([top(number) for number in range(count)], np.int64)
 
 
 def _contract(

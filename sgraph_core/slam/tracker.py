@@ -19,11 +19,12 @@ from sgraph_concepts.types import (
     FactorResult,
     FloatArray,
     IntArray,
+    Memory,
     SurfaceArrays,
 )
 from sgraph_core.backend.association import Association, Proposal, Same, associate
 from sgraph_core.backend.checks import check_factors
-from sgraph_core.backend.concept_factors import NO_FACTOR, made_by, tie
+from sgraph_core.backend.concept_factors import NO_FACTOR, made_by, ties
 from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.low_layers import vertical_planes
 from sgraph_core.detector import Detector
@@ -33,6 +34,7 @@ from sgraph_core.slam.estimate import moves
 from sgraph_core.slam.handout import Handout, Ledger, Owner
 from sgraph_core.slam.inference import LiveInference, Work
 from sgraph_core.slam.nodes import LiveNodes, NodeChanges
+from sgraph_core.slam.pool import Pool
 from sgraph_core.slam.smoother import Smoother
 from sgraph_core.tables import WallSurfaces
 
@@ -127,10 +129,10 @@ class ConceptTracker:
         self._mapped: dict[int, Mapped] = {}
         self._origin: FloatArray | None = None
         self._pending: set[int] = set(self._graph.wall_surfaces.ids.tolist())
-        self._observed = {
-            i: self._graph.surface_row(i)
-            for i in np.unique(self._graph.observations.surface_ids).tolist()
-        }
+        self._observed: dict[int, int] = {}
+        self._observed_rows = Pool(row=np.empty(0, np.int64))
+        for surface in np.unique(self._graph.observations.surface_ids).tolist():
+            self._count_observed(surface)
         self._newly_observed: set[int] = set()
         self._unmade = False
         self._proposals: dict[Owner, Sequence[tuple[int, int]]] = {}
@@ -196,7 +198,7 @@ class ConceptTracker:
         with self._lock:
             self._graph.observe(surface_id, keyframe_id, plane, sigmas)
             if surface_id not in self._observed:
-                self._observed[surface_id] = self._graph.surface_row(surface_id)
+                self._count_observed(surface_id)
                 self._newly_observed.add(surface_id)
 
     def move(
@@ -287,15 +289,14 @@ class ConceptTracker:
             proposed = {frozenset(pair) for proposal in proposals for pair in proposal.pairs}
             same = [pair for pair in self._ties.values() if frozenset(pair.pair) in proposed]
             new = associate(self._graph, proposals, Association(same)).same
-            ties: dict[Owner, Same] = {("same", *pair.pair): pair for pair in (*same, *new)}
-            made = [
-                (owner, tie(pair, self._graph, self._keys))
-                for owner, pair in ties.items()
-                if owner not in self._ties
-            ]
-            handout = self._ledger.prepare(self._ties.keys() - ties.keys(), made)
+            tied: dict[Owner, Same] = {("same", *pair.pair): pair for pair in (*same, *new)}
+            fresh = {owner: pair for owner, pair in tied.items() if owner not in self._ties}
+            factors = ties(list(fresh.values()), self._graph, self._keys)
+            handout = self._ledger.prepare(
+                self._ties.keys() - tied.keys(), list(zip(fresh, factors, strict=True))
+            )
             self._ledger.commit(handout)
-            self._ties = ties
+            self._ties = tied
             update = _update_of(handout, {}, Work())
             if self._smoother is not None:
                 self._take(self._smoother, update)
@@ -403,9 +404,10 @@ class ConceptTracker:
             wanted = {node.id for node in (*change.added, *change.changed)}
             for surface in self._newly_observed:
                 wanted |= {node.id for node in nodes.having(surface)}
+            memory = Memory()
             for node in after:
                 if node.id in wanted or self._unmade:
-                    context = self._context(name, node, after, surfaces)
+                    context = self._context(name, node, after, surfaces, memory)
                     result = made_by(make, name, node, context)
                     check_factors(
                         f"factor of {name} {node.id}", result, _planes(context), gtsam.Values()
@@ -419,6 +421,7 @@ class ConceptTracker:
         node: ConceptNode,
         nodes: Sequence[ConceptNode],
         surfaces: SurfaceArrays,
+        memory: Memory,
     ) -> FactorContext:
         members = [member for member in node.members if member in self._observed]
         rows = np.array([self._observed[member] for member in members], np.int64)
@@ -432,11 +435,15 @@ class ConceptTracker:
             nodes,
             partial(self._keys.node, concept, node.id),
             surfaces,
+            memory,
         )
 
+    def _count_observed(self, surface: int) -> None:
+        row = self._observed[surface] = self._graph.surface_row(surface)
+        self._observed_rows.add(1, row=np.array([row]))
+
     def _observed_surfaces(self) -> SurfaceArrays:
-        rows = np.fromiter(self._observed.values(), np.int64, len(self._observed))
-        return _taken(self._graph.wall_surfaces, rows)
+        return _taken(self._graph.wall_surfaces, self._observed_rows["row"])
 
     def _factor_makers(self, factor_types: Mapping[str, str]) -> dict[str, FactorMaker]:
         registry = self._detector.registry
@@ -476,8 +483,5 @@ def _update_of(handout: Handout, nodes: Mapping[str, NodeChanges], work: Work) -
     return Update(handout.factors, handout.values, handout.remove, handout.unused, nodes, work)
 
 
-def _planes(context: FactorContext) -> gtsam.Values:
-    values = gtsam.Values()
-    for member, key in context.plane_keys.items():
-        values.insert(key, gtsam.OrientedPlane3(*context.planes[member]))
-    return values
+def _planes(context: FactorContext) -> dict[int, FloatArray]:
+    return {key: context.planes[member] for member, key in context.plane_keys.items()}
