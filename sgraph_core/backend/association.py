@@ -56,6 +56,8 @@ RIVAL = 0.7
 """A rival with this share of the best one's support makes both ambiguous."""
 OTHER_M, OTHER_RAD = 0.3, np.radians(8.0)
 """Corrections that differ by more are rivals."""
+ELSEWHERE_M = 0.6
+"""Rivals that differ by less agree on the place: what all of them support holds."""
 ALIKE = 0.9
 """Share of what was recognised that another place must have, to look like it."""
 SURE = 1 / 3
@@ -311,18 +313,20 @@ def _elect(window: _Votes, visits: Visits, drift: Drift, first: int) -> _Electio
         return None
     weights = _weights(window, corrections.support)
     best = int(weights.argmax())
-    chosen = corrections.support[best]
-    torn = window.held & ~chosen
-    differs = np.abs(corrections.moves - corrections.moves[best]) > [OTHER_RAD, OTHER_M, OTHER_M]
-    rivals = weights[differs.any(axis=1)]
-    against = max(rivals.max(initial=0.0), _weights(window, torn[None])[0])
+    torn = window.held & ~corrections.support[best]
+    apart = np.abs(corrections.moves - corrections.moves[best])
+    elsewhere = (apart > [OTHER_RAD, ELSEWHERE_M, ELSEWHERE_M]).any(axis=1)
+    against = max(weights[elsewhere].max(initial=0.0), _weights(window, torn[None])[0])
     if weights[best] < max(LEAST_SUPPORT_M, EXPLAINED * everything):
         return None
     if against >= RIVAL * weights[best]:
         return None
+    differs = (apart > [OTHER_RAD, OTHER_M, OTHER_M]).any(axis=1)
+    rivals = differs & ~elsewhere & (weights >= RIVAL * weights[best])
+    chosen = corrections.support[best] & corrections.support[rivals].all(axis=0)
     election = _Election(first, window, chosen, corrections.moves[best], float(weights[best]))
     anew = np.unique(window.pairs[chosen & ~window.held, 1])
-    return None if election.moves and len(anew) < FEWEST_NEW else election
+    return None if len(anew) < (FEWEST_NEW if election.moves else 1) else election
 
 
 def _possible(window: _Votes, spread: FloatArray, centre: FloatArray) -> NDArray[np.bool_]:
