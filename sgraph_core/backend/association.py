@@ -398,7 +398,7 @@ def _corrections(window: _Votes, spread: FloatArray, centre: FloatArray) -> _Cor
     one, two = np.triu_indices(min(len(window.pairs), MOST_SEEDS), k=1)
     seeds = crossing[one, two]
     support = np.zeros((int(seeds.sum()), len(window.pairs)), bool)
-    rows, expected = np.arange(len(support)), np.linalg.inv(spread)
+    rows, expected = np.arange(len(support)), np.asarray(np.linalg.inv(spread), np.float64)
     support[rows, one[seeds]] = support[rows, two[seeds]] = True
     for _ in range(2):
         moves = _fit(design, target, support, expected)
