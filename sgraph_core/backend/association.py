@@ -55,9 +55,9 @@ EXPLAINED = 0.7
 RIVAL = 0.7
 """A rival with this share of the best one's support makes both ambiguous."""
 OTHER_M, OTHER_RAD = 0.3, np.radians(8.0)
-"""Corrections that differ by more are rivals."""
+"""Corrections that differ by more are not the same."""
 ELSEWHERE_M = 0.6
-"""Rivals that differ by less agree on the place: what all of them support holds."""
+"""Corrections that differ by more are of another place; of others, what all support holds."""
 ALIKE = 0.9
 """Share of what was recognised that another place must have, to look like it."""
 SURE = 1 / 3
