@@ -21,6 +21,7 @@ from scipy.special import chdtri
 
 from sgraph_concepts.types import FloatArray, IntArray, SurfaceArrays
 from sgraph_core.backend.coincidence import coincidence
+from sgraph_core.backend.drift import Drift
 from sgraph_core.backend.visits import Visits
 from sgraph_core.geometry import cross, dot
 from sgraph_core.graph import SGraph
@@ -29,10 +30,9 @@ __all__ = ["Association", "Proposal", "Same", "associate"]
 
 TIE_SIGMAS = (0.02, 0.03)
 """How two mapped pieces of one wall differ from one plane: angle in rad, offset in m."""
-DRIFT_SHARE = 0.01
-"""What a straightened map still drifts, as a standard deviation, per metre of the way."""
-DRIFT_RAD_PER_M = np.radians(0.02)
-LEAST_DRIFT_M, LEAST_DRIFT_RAD = 0.1, np.radians(1.0)
+MORE_DRIFT = 1.5
+"""Drift by more than its own noise: loops stay open where noise was large."""
+LEAST_DRIFT_RAD, LEAST_DRIFT_M = np.radians(1.0), 0.1
 REJECTION = 1e-2
 WINDOW = 20
 """Keyframes that see the older map again together: short enough to be rigid."""
@@ -55,7 +55,9 @@ EXPLAINED = 0.7
 RIVAL = 0.7
 """A rival with this share of the best one's support makes both ambiguous."""
 OTHER_M, OTHER_RAD = 0.3, np.radians(8.0)
-"""Corrections that differ by more are rivals."""
+"""Corrections that differ by more are not the same."""
+ELSEWHERE_M = 0.6
+"""Corrections that differ by more are of another place; of others, what all support holds."""
 ALIKE = 0.9
 """Share of what was recognised that another place must have, to look like it."""
 SURE = 1 / 3
@@ -124,10 +126,12 @@ def associate(
     if not who:
         return Association()
     votes = _votes(graph, list(who), visits, set(known.doubted))
+    drift = Drift(graph)
     elections = [
         election
         for first in range(0, len(graph.keyframes.ids), WINDOW // 2)
-        if (election := _elect(votes.within(first, first + WINDOW), visits, first)) is not None
+        if (election := _elect(votes.within(first, first + WINDOW), visits, drift, first))
+        is not None
     ]
     found = Association()
     for election in _surest(elections):
@@ -243,19 +247,18 @@ def _pairs_of_rows(surfaces: SurfaceArrays, one: IntArray, two: IntArray) -> _Vo
     )
 
 
-def _drift(visits: Visits, window: _Votes) -> FloatArray:
-    """Return how much a window may have drifted: standard deviations of angle, x and y, [3]."""
-    if not len(window.pairs):
-        return np.ones(3)
-    ways = [
-        visits.way(visits.last_before(older, time), time)
+def _spread(window: _Votes, visits: Visits, drift: Drift, centre: FloatArray) -> FloatArray:
+    """Return the covariance of a window's correction about a point: angle, x and y, [3, 3]."""
+    between = [
+        (visits.last_before(older, time), time)
         for older, time in zip(
             window.pairs[:, 0].tolist(), window.visits[:, 0].tolist(), strict=True
         )
     ]
-    way = float(np.median(ways))
-    shift = LEAST_DRIFT_M + DRIFT_SHARE * way
-    return np.array([LEAST_DRIFT_RAD + DRIFT_RAD_PER_M * way, shift, shift])
+    between.sort(key=lambda rows: visits.way(*rows))
+    typical = drift.between(*between[len(between) // 2], centre)
+    least = np.array([LEAST_DRIFT_RAD, LEAST_DRIFT_M, LEAST_DRIFT_M])
+    return np.asarray(np.diag(least**2) + MORE_DRIFT**2 * typical)
 
 
 @dataclass(frozen=True, eq=False)
@@ -295,40 +298,42 @@ class _Election:
         return bool((np.abs(self.move) > [OTHER_RAD, OTHER_M, OTHER_M]).any())
 
 
-def _elect(window: _Votes, visits: Visits, first: int) -> _Election | None:
+def _elect(window: _Votes, visits: Visits, drift: Drift, first: int) -> _Election | None:
     """Return the best supported correction of a window; None where none is beyond doubt."""
     if window.held.all() or len(window.pairs) < FEWEST:
         return None
-    drift = _drift(visits, window)
+    centre = window.points.mean(axis=0)
+    spread = _spread(window, visits, drift, centre)
     everything = _weights(window, np.ones((1, len(window.pairs)), bool))[0]
-    window = window.take(window.held | _possible(window, drift))
+    window = window.take(window.held | _possible(window, spread, centre))
     if window.held.all():
         return None
-    corrections = _corrections(window, drift)
+    corrections = _corrections(window, spread, centre)
     if not len(corrections.moves):
         return None
     weights = _weights(window, corrections.support)
     best = int(weights.argmax())
-    chosen = corrections.support[best]
-    torn = window.held & ~chosen
-    differs = np.abs(corrections.moves - corrections.moves[best]) > [OTHER_RAD, OTHER_M, OTHER_M]
-    rivals = weights[differs.any(axis=1)]
-    against = max(rivals.max(initial=0.0), _weights(window, torn[None])[0])
+    torn = window.held & ~corrections.support[best]
+    apart = np.abs(corrections.moves - corrections.moves[best])
+    elsewhere = (apart > [OTHER_RAD, ELSEWHERE_M, ELSEWHERE_M]).any(axis=1)
+    against = max(weights[elsewhere].max(initial=0.0), _weights(window, torn[None])[0])
     if weights[best] < max(LEAST_SUPPORT_M, EXPLAINED * everything):
         return None
     if against >= RIVAL * weights[best]:
         return None
+    differs = (apart > [OTHER_RAD, OTHER_M, OTHER_M]).any(axis=1)
+    rivals = differs & ~elsewhere & (weights >= RIVAL * weights[best])
+    chosen = corrections.support[best] & corrections.support[rivals].all(axis=0)
     election = _Election(first, window, chosen, corrections.moves[best], float(weights[best]))
     anew = np.unique(window.pairs[chosen & ~window.held, 1])
-    return None if election.moves and len(anew) < FEWEST_NEW else election
+    return None if len(anew) < (FEWEST_NEW if election.moves else 1) else election
 
 
-def _possible(window: _Votes, drift: FloatArray) -> NDArray[np.bool_]:
-    """Return which pairs the stated drift explains, each for itself, [P]."""
-    arms = np.linalg.norm(window.points - window.points.mean(axis=0), axis=1)
-    angle = np.hypot(drift[0], window.sigmas[:, 0])
-    gap = np.sqrt(drift[1] ** 2 + (arms * drift[0]) ** 2 + window.sigmas[:, 1] ** 2)
-    likely = (window.innovations / np.stack([angle, gap], axis=1)) ** 2
+def _possible(window: _Votes, spread: FloatArray, centre: FloatArray) -> NDArray[np.bool_]:
+    """Return which pairs the drift explains, each for itself, [P]."""
+    design = _design(window, centre)
+    variance = np.einsum("pij,jk,pik->pi", design, spread, design) + window.sigmas**2
+    likely = window.innovations**2 / variance
     return np.asarray((likely <= chdtri(1, REJECTION / 10)).all(axis=1))
 
 
@@ -357,7 +362,8 @@ def _distinct(graph: SGraph, election: _Election, visits: Visits) -> bool:
     if not like.any():
         return True
     place = _pairs_of_rows(surfaces, one[like], two[like])
-    shifts = _corrections(place, np.array([OTHER_RAD, REPEAT_M, REPEAT_M]) / 3)
+    around = np.diag(np.array([OTHER_RAD, REPEAT_M, REPEAT_M]) / 3) ** 2
+    shifts = _corrections(place, around, place.points.mean(axis=0))
     lengths = np.linalg.norm(shifts.moves[:, 1:], axis=1)
     repeats = (_weights(place, shifts.support) >= ALIKE * _own(surfaces, mine)) & (
         lengths > OTHER_M
@@ -384,21 +390,21 @@ def _of_groups(support: NDArray[np.bool_], group: IntArray) -> NDArray[np.bool_]
     return np.asarray(support.astype(np.float64) @ member > 0)
 
 
-def _corrections(window: _Votes, drift: FloatArray) -> _Corrections:
-    """Return the corrections that two pairs fix and several surfaces support."""
-    centre = window.points.mean(axis=0)
+def _corrections(window: _Votes, spread: FloatArray, centre: FloatArray) -> _Corrections:
+    """Return the corrections about a centre that two pairs fix and several surfaces support."""
     design = _design(window, centre) / window.sigmas[:, :, None]
     target = window.innovations / window.sigmas
     crossing = np.abs(cross(window.normals[:, None], window.normals[None])) > PARALLEL
     one, two = np.triu_indices(min(len(window.pairs), MOST_SEEDS), k=1)
     seeds = crossing[one, two]
     support = np.zeros((int(seeds.sum()), len(window.pairs)), bool)
-    rows = np.arange(len(support))
+    rows, expected = np.arange(len(support)), np.asarray(np.linalg.inv(spread), np.float64)
     support[rows, one[seeds]] = support[rows, two[seeds]] = True
 
     def explained(support: NDArray[np.bool_]) -> tuple[FloatArray, NDArray[np.bool_]]:
-        moves = _fit(design, target, support, drift)
-        moves = moves[((moves / drift) ** 2).sum(axis=1) <= chdtri(3, REJECTION)]
+        moves = _fit(design, target, support, expected)
+        likely = np.einsum("ci,ij,cj->c", moves, expected, moves) <= chdtri(3, REJECTION)
+        moves = moves[likely]
         left = (target.ravel() - moves @ design.reshape(-1, 3).T) ** 2
         close = left[:, ::2] + left[:, 1::2] <= chdtri(2, REJECTION)
         return moves, close & _side_by_side(window, moves, centre)
@@ -428,12 +434,12 @@ def _design(window: _Votes, centre: FloatArray) -> FloatArray:
 
 
 def _fit(
-    design: FloatArray, target: FloatArray, support: NDArray[np.bool_], drift: FloatArray
+    design: FloatArray, target: FloatArray, support: NDArray[np.bool_], expected: FloatArray
 ) -> FloatArray:
     """Return the least-squares corrections of supporting pairs and of the drift model, [C, 3]."""
     weights = support.astype(np.float64)
     squares = np.einsum("pij,pik->pjk", design, design).reshape(-1, 9)
-    normal = (weights @ squares).reshape(-1, 3, 3) + np.diag(1 / drift**2)
+    normal = (weights @ squares).reshape(-1, 3, 3) + expected
     right = weights @ np.einsum("pij,pi->pj", design, target)
     return np.asarray(np.linalg.solve(normal, right[:, :, None])[:, :, 0])
 

@@ -1,0 +1,107 @@
+"""How far a drive may have drifted between two keyframes, by the noise of what it measured.
+
+Odometry and planes tell how well each motion is known. What the front end recognised on a later
+visit is not believed here, since it may have taken a wrong wall: each visit to a surface sees a
+plane of its own. What remains is a chain of motions, linearised once, in the plane.
+
+The error of a keyframe is a small motion (angle a, shift s) of all that it sees about a common
+origin: a point p goes to p + s + a J p, with J the quarter turn. Odometry from i to j measures the
+difference of the errors of j and i at the position of j. A plane with normal n errs by its turn a
+and its shift b along n, and an observation of it from p by keyframe k measures
+
+    a - a_k    and    (b + a n.Jp) - (n.s_k + a_k n.Jp).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import coo_array, eye_array
+from scipy.sparse.linalg import splu
+
+from sgraph_concepts.types import FloatArray, IntArray
+from sgraph_core.backend.visits import AWAY
+from sgraph_core.geometry import cross
+from sgraph_core.graph import SGraph
+
+__all__ = ["Drift"]
+
+UNKNOWN = 1e3
+"""Standard deviation, in rad and m, of what nothing measures."""
+
+
+class Drift:
+    """How well an S-Graph's measurements fix its keyframes relative to each other."""
+
+    def __init__(self, graph: SGraph) -> None:
+        self._origin = graph.keyframes.poses[:, :2].mean(axis=0)
+        columns, factors = (
+            np.concatenate(parts)
+            for parts in zip(self._motions(graph), self._sightings(graph), strict=True)
+        )
+        rows = np.broadcast_to(np.arange(len(columns))[:, None], columns.shape)
+        shape = len(columns), max(3 * len(graph.keyframes.ids), int(columns.max()) + 1)
+        entries = factors.ravel(), (rows.ravel(), columns.ravel())
+        measured = coo_array(entries, shape).tocsc()
+        weak = eye_array(measured.shape[1]) / UNKNOWN**2
+        self._information = splu((measured.T @ measured + weak).tocsc())
+
+    def between(self, one: int, two: int, point: FloatArray) -> FloatArray:
+        """Return the covariance of how two keyframes' views differ from one rigid map, [3, 3].
+
+        Args:
+            one: row of a keyframe.
+            two: row of another.
+            point: about which angle, x and y of the difference are taken, in the world, [2].
+        """
+        x, y = (point - self._origin).tolist()
+        at_point = np.array([[1.0, 0.0, 0.0], [-y, 1.0, 0.0], [x, 0.0, 1.0]])
+        difference = np.zeros((self._information.shape[0], 3))
+        difference[3 * one : 3 * one + 3] -= at_point.T
+        difference[3 * two : 3 * two + 3] += at_point.T
+        return np.asarray(difference.T @ self._information.solve(difference))
+
+    def _motions(self, graph: SGraph) -> tuple[IntArray, FloatArray]:
+        """Return the equations of odometry: variables [E, 6] and their whitened factors."""
+        from scipy.spatial.transform import Rotation
+
+        table, poses = graph.odometry, graph.keyframes.poses
+        one, two = (_rows(graph, ids) for ids in (table.from_ids, table.to_ids))
+        at = poses[two, :2] - self._origin
+        axes = Rotation.from_quat(poses[two, 3:]).as_matrix()[:, :2, :2]
+        change = np.zeros((len(two), 3, 3))
+        change[:, 0, 0] = 1
+        for axis in range(2):  # of the body: its turn about the origin, its shift
+            change[:, 1 + axis, 0] = cross(at, axes[:, :, axis])
+            change[:, 1 + axis, 1:] = axes[:, :, axis]
+        change /= table.sigmas[:, [2, 3, 4], None]
+        columns = np.concatenate(
+            [3 * one[:, None] + np.arange(3), 3 * two[:, None] + np.arange(3)], axis=1
+        )
+        return np.repeat(columns, 3, axis=0), np.concatenate([-change, change], axis=2).reshape(
+            -1, 6
+        )
+
+    def _sightings(self, graph: SGraph) -> tuple[IntArray, FloatArray]:
+        """Return the equations of observed planes, each visit's its own; likewise."""
+        table = graph.observations
+        by, of = _rows(graph, table.keyframe_ids), table.surface_ids
+        order = np.lexsort((by, of))
+        by, of, sigmas = by[order], of[order], table.sigmas[order]
+        again = (np.diff(of) == 0) & (np.diff(by) <= AWAY)
+        visits = np.cumsum(np.append(True, ~again)[: len(of)]) - 1
+        normals = graph.wall_surfaces.normals[[graph.surface_row(i) for i in of.tolist()]]
+        arms = cross(graph.keyframes.poses[by, :2] - self._origin, normals)
+        planes = 3 * len(graph.keyframes.ids) + 2 * visits
+        columns = np.stack([3 * by, 3 * by + 1, 3 * by + 2, planes, planes + 1], axis=1)
+        angle, offset = np.zeros((2, len(by), 5))
+        angle[:, 0], angle[:, 3] = -1, 1
+        offset[:, 0], offset[:, 1:3], offset[:, 3], offset[:, 4] = -arms, -normals, arms, 1
+        factors = np.concatenate([angle / sigmas[:, :1], offset / sigmas[:, 1:]])
+        padding = np.zeros((len(factors), 1))
+        return np.pad(np.tile(columns, (2, 1)), ((0, 0), (0, 1)), mode="edge"), np.hstack(
+            [factors, padding]
+        )
+
+
+def _rows(graph: SGraph, keyframes: IntArray) -> IntArray:
+    return np.array([graph.keyframe_row(i) for i in keyframes.tolist()], np.int64)
