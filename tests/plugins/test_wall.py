@@ -95,7 +95,7 @@ def test_a_wall_has_a_body_along_all_of_its_sides(lower: list[list[float]], wall
     assert len(cluster(ScoredEdges(scene.pairs, np.ones(len(scene.pairs))), scene)) == walls
 
 
-def double_wall(*inner: tuple[float, int]) -> list[tuple[int, ...]]:
+def walls_across(*inner: tuple[float, int]) -> list[tuple[int, ...]]:
     """Return the walls of surfaces at y = 0 and 0.4 and others between, if all are likely."""
     graph = SGraph()
     for k, (y, up) in enumerate([(0.0, -1), (0.4, 1), *inner]):
@@ -105,14 +105,14 @@ def double_wall(*inner: tuple[float, int]) -> list[tuple[int, ...]]:
 
 
 def test_each_leaf_of_a_double_wall_is_a_wall_and_both_together_are_none() -> None:
-    assert double_wall() == [(0, 1)]
-    assert double_wall((0.15, 1)) == [(0, 2)]
-    assert double_wall((0.25, -1)) == [(1, 2)]
-    assert double_wall((0.15, 1), (0.25, -1)) == [(0, 2), (1, 3)]
+    assert walls_across() == [(0, 1)]
+    assert walls_across((0.15, 1), (0.25, -1)) == [(0, 2), (1, 3)]
 
 
-def test_pieces_of_a_side_that_noise_has_moved_leave_a_wall_whole() -> None:
-    assert double_wall((0.3, 1)) == [(0, 1), (0, 2)]
+def test_a_copy_that_has_drifted_into_a_wall_leaves_it_a_wall() -> None:
+    assert walls_across((0.15, 1)) == [(0, 1), (0, 2)]
+    assert walls_across((0.25, 1), (-0.15, -1)) == [(0, 1), (0, 2), (1, 3), (2, 3)]
+    assert walls_across((0.25, 1), (0.15, -1)) == [(0, 1), (0, 2), (1, 3), (2, 3)]
 
 
 def test_one_surface_may_belong_to_several_walls() -> None:

@@ -7,7 +7,7 @@ import shapely
 from numpy.typing import NDArray
 
 from sgraph_concepts.types import Cluster, IntArray, Scene, ScoredEdges, SurfaceArrays
-from sgraph_core.geometry import lines_of
+from sgraph_core.geometry import dot, lines_of
 from sgraph_plugins.wall.geometry import back_to_back
 
 __all__ = ["cluster"]
@@ -16,9 +16,6 @@ THICKEST_M = 0.55
 LEAST_OVERLAP_M = 0.28
 MOST_CROSSING_M = 0.05
 """How far noise may let the sides of a wall cross at one end."""
-CAVITY_AND_LEAF_M = 0.12
-"""A side of a double wall's cavity is at least this far from the other leaf's outer side; pieces
-of one side are closer, in spite of noise."""
 
 
 def cluster(edges: ScoredEdges, scene: Scene) -> list[Cluster]:
@@ -40,7 +37,7 @@ def cluster(edges: ScoredEdges, scene: Scene) -> list[Cluster]:
 
 
 def _hollow(surfaces: SurfaceArrays, walls: IntArray) -> NDArray[np.bool_]:
-    """Return which walls have the other side of one of their sides' walls in them, [W].
+    """Return which walls have on both of their sides another wall in that half of them, [W].
 
     Where the cavity of a double wall is mapped, each leaf is a wall, and both together are none.
 
@@ -51,16 +48,13 @@ def _hollow(surfaces: SurfaceArrays, walls: IntArray) -> NDArray[np.bool_]:
     sides = np.unique(walls)
     tree = shapely.STRtree(lines_of(surfaces.segments[sides]))
     number = np.array([len(surfaces), 1])
-    hollow = np.zeros(len(walls), bool)
-    for leaf, other in ((0, 1), (1, 0)):
-        lie = back_to_back(surfaces, walls[:, leaf], walls[:, other])
-        inwards = -surfaces.normals[walls[:, leaf]]
-        depth = lie.thickness[:, None] / 2
-        through = [
-            lie.centres - depth * inwards,
-            lie.centres + (depth - CAVITY_AND_LEAF_M) * inwards,
-        ]
-        wall, inside = tree.query(lines_of(np.stack(through, axis=1)), predicate="intersects")
-        inner = np.sort(np.stack([walls[wall, leaf], sides[inside]], axis=1), axis=1)
-        hollow[wall[np.isin(inner @ number, walls @ number)]] = True
-    return hollow & (lie.thickness > CAVITY_AND_LEAF_M)
+    centres = back_to_back(surfaces, *walls.T).centres
+    with_leaf = np.zeros((len(walls), 2), bool)
+    for end, side in enumerate(walls.T):
+        normals = surfaces.normals[side]
+        depths = dot(surfaces.midpoints[side] - centres, normals)
+        halves = np.stack([centres, centres + depths[:, None] * normals], axis=1)
+        wall, inside = tree.query(lines_of(halves), predicate="intersects")
+        leaf = np.sort(np.stack([side[wall], sides[inside]], axis=1), axis=1)
+        with_leaf[wall[np.isin(leaf @ number, walls @ number)], end] = True
+    return np.asarray(with_leaf.all(axis=1))
