@@ -133,16 +133,19 @@ class Rays:
 
     def _crossings(self, pair: IntArray, segments: FloatArray) -> NDArray[np.bool_]:
         """Return which rays of each pair cross its segment, [P'] and [2, 2, P'] to [16, P']."""
-        starts, ends = self.starts.take(pair, axis=2), self.ends.take(pair, axis=2)
         first, second = segments[:, :1], segments[:, 1:]
-        along = second - first
-        start, end = _cross(along, starts - first)[:, None], _cross(along, ends - first)
-        # start and end are on two sides of the segment's line, or one of them, not both, is on it
-        parts = ((start >= 0) & (end <= 0)) ^ ((start <= 0) & (end >= 0))
-        directions = _directions(starts, ends)
-        sides = _cross(directions, (first - starts)[:, :, None])
-        sides *= _cross(directions, (second - starts)[:, :, None])
-        return np.asarray((parts & (sides <= 0)).reshape(len(FRACTIONS) ** 2, -1))
+        along, ends = second - first, self.ends.take(pair, axis=2)
+        end_side = _cross(along, ends - first)
+        crosses = np.empty((len(FRACTIONS), len(FRACTIONS), len(pair)), bool)
+        for number in range(len(FRACTIONS)):  # one start at a time, as below
+            start = self.starts[:, number].take(pair, axis=1)[:, None]
+            side, directions = _cross(along, start - first), ends - start
+            # start and end are on two sides of the segment's line, or one of them, not both, is on
+            parts = ((side >= 0) & (end_side <= 0)) ^ ((side <= 0) & (end_side >= 0))
+            sides = _cross(directions, first - start)
+            sides *= _cross(directions, second - start)
+            np.logical_and(parts, sides <= 0, out=crosses[number])
+        return crosses.reshape(len(FRACTIONS) ** 2, -1)
 
 
 def blocked_by_one(surfaces: SurfaceArrays, pairs: IntArray, walls: Obstacles) -> NDArray[np.bool_]:
