@@ -165,7 +165,7 @@ def blocked_by_one(surfaces: SurfaceArrays, pairs: IntArray, walls: Obstacles) -
     meets = _on_both_sides(middles, walls.ends, pair, wall)
     pair, wall = _foreign(*_those(meets, pair, wall), pairs)
     for blocks in (_separates, _crosses_outermost):
-        meets = blocks(corners.take(pair, axis=2), walls.ends.take(wall, axis=2))
+        meets = blocks(corners, walls.ends, pair, wall)
         pair, wall = _those(meets, pair, wall)
     blocked = np.zeros(len(pairs), bool)
     blocked[pair] = True
@@ -219,28 +219,34 @@ def _on_both_sides(
     return np.asarray(sides[0] * sides[1] <= 0)
 
 
-def _separates(corners: FloatArray, segments: FloatArray) -> NDArray[np.bool_]:
+def _separates(
+    corners: FloatArray, segments: FloatArray, pair: IntArray, segment: IntArray
+) -> NDArray[np.bool_]:
     """Return whether a segment's line has all starts of rays on one side and all ends on the other.
 
-    Args:
-        corners: outermost starts and outermost ends of rays, [2, 4, P].
-        segments: first and second ends, [2, 2, P].
+    Arguments as of :func:`_corners_on_both_sides`.
     """
-    first, second = segments[:, :1], segments[:, 1:]
-    side = _cross(second - first, corners - first)
-    starts, ends = side[:2], side[2:]
-    one_way = (starts.min(axis=0) > 0) & (ends.max(axis=0) < 0)
-    other_way = (starts.max(axis=0) < 0) & (ends.min(axis=0) > 0)
+    first = segments[:, 0].take(segment, axis=1)
+    along = segments[:, 1].take(segment, axis=1) - first
+    one_way, other_way = np.ones((2, len(pair)), bool)
+    for corner in range(4):
+        side = _cross(along, corners[:, corner].take(pair, axis=1) - first)
+        one_way &= side > 0 if corner < 2 else side < 0
+        other_way &= side < 0 if corner < 2 else side > 0
     return np.asarray(one_way | other_way)
 
 
-def _crosses_outermost(corners: FloatArray, segments: FloatArray) -> NDArray[np.bool_]:
+def _crosses_outermost(
+    corners: FloatArray, segments: FloatArray, pair: IntArray, segment: IntArray
+) -> NDArray[np.bool_]:
     """Return whether segments cross all four rays between outermost starts and ends.
 
     Said of segments that :func:`_separates`. Where such a segment's line meets a ray moves one way
     as the ray's start moves along its surface, and so for its end: no ray meets it beyond all four.
+    Arguments as of :func:`_corners_on_both_sides`.
     """
-    crosses = np.ones(corners.shape[2], bool)
+    corners, segments = corners.take(pair, axis=2), segments.take(segment, axis=2)
+    crosses = np.ones(len(pair), bool)
     for start in (0, 1):
         for end in (2, 3):
             first = corners[:, start, None]
@@ -255,8 +261,8 @@ def _corners_on_both_sides(
     """Return whether a segment's line has corners on both sides: only then may rays cross it.
 
     Args:
-        corners: of the quadrilaterals that hold the pairs' rays, first two on the first surface,
-            [2, 4, P].
+        corners: of the quadrilaterals that hold the pairs' rays, outermost starts and outermost
+            ends, [2, 4, P].
         segments: first and second ends, [2, 2, S].
         pair: rows of the pairs that are compared, [C].
         segment: and of the segments, [C].
@@ -264,7 +270,7 @@ def _corners_on_both_sides(
     first = segments[:, 0].take(segment, axis=1)
     along = segments[:, 1].take(segment, axis=1) - first
     left, right = np.zeros((2, len(pair)), bool)
-    for corner in range(4):  # one at a time, since larger arrays would leave the cache
+    for corner in range(4):  # one at a time: fresh memory for all four costs more than the work
         side = _cross(along, corners[:, corner].take(pair, axis=1) - first)
         left |= side >= 0
         right |= side <= 0
