@@ -133,16 +133,19 @@ class Rays:
 
     def _crossings(self, pair: IntArray, segments: FloatArray) -> NDArray[np.bool_]:
         """Return which rays of each pair cross its segment, [P'] and [2, 2, P'] to [16, P']."""
-        starts, ends = self.starts.take(pair, axis=2), self.ends.take(pair, axis=2)
         first, second = segments[:, :1], segments[:, 1:]
-        along = second - first
-        start, end = _cross(along, starts - first)[:, None], _cross(along, ends - first)
-        # start and end are on two sides of the segment's line, or one of them, not both, is on it
-        parts = ((start >= 0) & (end <= 0)) ^ ((start <= 0) & (end >= 0))
-        directions = _directions(starts, ends)
-        sides = _cross(directions, (first - starts)[:, :, None])
-        sides *= _cross(directions, (second - starts)[:, :, None])
-        return np.asarray((parts & (sides <= 0)).reshape(len(FRACTIONS) ** 2, -1))
+        along, ends = second - first, self.ends.take(pair, axis=2)
+        end_side = _cross(along, ends - first)
+        crosses = np.empty((len(FRACTIONS), len(FRACTIONS), len(pair)), bool)
+        for number in range(len(FRACTIONS)):  # one start at a time, as below
+            start = self.starts[:, number].take(pair, axis=1)[:, None]
+            side, directions = _cross(along, start - first), ends - start
+            # start and end are on two sides of the segment's line, or one of them, not both, is on
+            parts = ((side >= 0) & (end_side <= 0)) ^ ((side <= 0) & (end_side >= 0))
+            sides = _cross(directions, first - start)
+            sides *= _cross(directions, second - start)
+            np.logical_and(parts, sides <= 0, out=crosses[number])
+        return crosses.reshape(len(FRACTIONS) ** 2, -1)
 
 
 def blocked_by_one(surfaces: SurfaceArrays, pairs: IntArray, walls: Obstacles) -> NDArray[np.bool_]:
@@ -162,7 +165,7 @@ def blocked_by_one(surfaces: SurfaceArrays, pairs: IntArray, walls: Obstacles) -
     meets = _on_both_sides(middles, walls.ends, pair, wall)
     pair, wall = _foreign(*_those(meets, pair, wall), pairs)
     for blocks in (_separates, _crosses_outermost):
-        meets = blocks(corners.take(pair, axis=2), walls.ends.take(wall, axis=2))
+        meets = blocks(corners, walls.ends, pair, wall)
         pair, wall = _those(meets, pair, wall)
     blocked = np.zeros(len(pairs), bool)
     blocked[pair] = True
@@ -216,28 +219,34 @@ def _on_both_sides(
     return np.asarray(sides[0] * sides[1] <= 0)
 
 
-def _separates(corners: FloatArray, segments: FloatArray) -> NDArray[np.bool_]:
+def _separates(
+    corners: FloatArray, segments: FloatArray, pair: IntArray, segment: IntArray
+) -> NDArray[np.bool_]:
     """Return whether a segment's line has all starts of rays on one side and all ends on the other.
 
-    Args:
-        corners: outermost starts and outermost ends of rays, [2, 4, P].
-        segments: first and second ends, [2, 2, P].
+    Arguments as of :func:`_corners_on_both_sides`.
     """
-    first, second = segments[:, :1], segments[:, 1:]
-    side = _cross(second - first, corners - first)
-    starts, ends = side[:2], side[2:]
-    one_way = (starts.min(axis=0) > 0) & (ends.max(axis=0) < 0)
-    other_way = (starts.max(axis=0) < 0) & (ends.min(axis=0) > 0)
+    first = segments[:, 0].take(segment, axis=1)
+    along = segments[:, 1].take(segment, axis=1) - first
+    one_way, other_way = np.ones((2, len(pair)), bool)
+    for corner in range(4):
+        side = _cross(along, corners[:, corner].take(pair, axis=1) - first)
+        one_way &= side > 0 if corner < 2 else side < 0
+        other_way &= side < 0 if corner < 2 else side > 0
     return np.asarray(one_way | other_way)
 
 
-def _crosses_outermost(corners: FloatArray, segments: FloatArray) -> NDArray[np.bool_]:
+def _crosses_outermost(
+    corners: FloatArray, segments: FloatArray, pair: IntArray, segment: IntArray
+) -> NDArray[np.bool_]:
     """Return whether segments cross all four rays between outermost starts and ends.
 
     Said of segments that :func:`_separates`. Where such a segment's line meets a ray moves one way
     as the ray's start moves along its surface, and so for its end: no ray meets it beyond all four.
+    Arguments as of :func:`_corners_on_both_sides`.
     """
-    crosses = np.ones(corners.shape[2], bool)
+    corners, segments = corners.take(pair, axis=2), segments.take(segment, axis=2)
+    crosses = np.ones(len(pair), bool)
     for start in (0, 1):
         for end in (2, 3):
             first = corners[:, start, None]
@@ -252,8 +261,8 @@ def _corners_on_both_sides(
     """Return whether a segment's line has corners on both sides: only then may rays cross it.
 
     Args:
-        corners: of the quadrilaterals that hold the pairs' rays, first two on the first surface,
-            [2, 4, P].
+        corners: of the quadrilaterals that hold the pairs' rays, outermost starts and outermost
+            ends, [2, 4, P].
         segments: first and second ends, [2, 2, S].
         pair: rows of the pairs that are compared, [C].
         segment: and of the segments, [C].
@@ -261,7 +270,7 @@ def _corners_on_both_sides(
     first = segments[:, 0].take(segment, axis=1)
     along = segments[:, 1].take(segment, axis=1) - first
     left, right = np.zeros((2, len(pair)), bool)
-    for corner in range(4):  # one at a time, since larger arrays would leave the cache
+    for corner in range(4):  # one at a time: fresh memory for all four costs more than the work
         side = _cross(along, corners[:, corner].take(pair, axis=1) - first)
         left |= side >= 0
         right |= side <= 0

@@ -94,11 +94,12 @@ def facing_neighbours(
         waiting = np.flatnonzero(waits)
         one, two = tree.query(boxes_of(surfaces.segments[waiting], radius))
         one = waiting[one]
-        once = (one < two) | ~waits[two]  # of a pair that both ask for, look at one direction only
-        one, two = one[once], two[once]
+        # of a pair that both ask for, look at one direction only
+        once = np.flatnonzero((one < two) | ~waits[two])
+        one, two = one.take(once), two.take(once)
         for _ in range(2):
-            facing = _reaches_in_front(surfaces, one, two)
-            one, two = two[facing], one[facing]
+            facing = np.flatnonzero(_reaches_in_front(surfaces, one, two))
+            one, two = two.take(facing), one.take(facing)
         distances = shapely.distance(lines[one], lines[two])
         mutual = waits[two]
         asking, other = np.append(one, two[mutual]), np.append(two, one[mutual])
