@@ -136,7 +136,9 @@ def _points_of(nodes: Sequence[ConceptNode]) -> tuple[FloatArray, IntArray, Floa
     points, of, reach = [], [], []
     for number, node in enumerate(nodes):
         centre = [] if node.shape.centre is None else [node.shape.centre]
-        corners = [point for ring in (node.shape.polygon or (), *node.shape.holes) for point in ring]
+        corners = [
+            point for ring in (node.shape.polygon or (), *node.shape.holes) for point in ring
+        ]
         points += [*centre, *corners]
         of += [number] * (len(centre) + len(corners))
         reach += [np.inf] * len(centre) + [NEAR_M] * len(corners)

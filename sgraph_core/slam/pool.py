@@ -120,9 +120,12 @@ def boxes_around(segments: FloatArray) -> FloatArray:
     return np.concatenate([segments.min(axis=1), segments.max(axis=1)], axis=1)
 
 
-def rows_where(size: int, *numbers: IntArray) -> IntArray:
-    """Return the row numbers below ``size`` that are in any of the arrays, ascending, each once."""
-    present = np.zeros(size, bool)
-    if numbers:
-        present[np.concatenate(numbers)] = True
-    return np.flatnonzero(present)
+def rows_where(*numbers: IntArray) -> IntArray:
+    """Return the row numbers that are in any of the arrays, ascending, each once."""
+    every = np.concatenate(numbers) if numbers else np.empty(0, np.int64)
+    if not len(every):
+        return every
+    first = every.min()
+    present = np.zeros(every.max() - first + 1, bool)
+    present[every - first] = True
+    return np.flatnonzero(present) + first
