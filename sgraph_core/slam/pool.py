@@ -104,7 +104,7 @@ def meeting(
     level = (wide[:, 1] <= top) & (wide[:, 3] >= bottom)
     near, wide = near[level], wide[level]
     if len(targets) == 1:
-        return near
+        return np.asarray(near)
     tree = shapely.STRtree(np.asarray(shapely.box(*targets.T)))
     asking, _ = tree.query(np.asarray(shapely.box(*wide.T)))
     return np.asarray(near[np.unique(asking)])
@@ -122,10 +122,10 @@ def boxes_around(segments: FloatArray) -> FloatArray:
 
 def rows_where(*numbers: IntArray) -> IntArray:
     """Return the row numbers that are in any of the arrays, ascending, each once."""
-    every = np.concatenate(numbers) if numbers else np.empty(0, np.int64)
+    every: IntArray = np.concatenate([np.empty(0, np.int64), *numbers])
     if not len(every):
         return every
-    first = every.min()
-    present = np.zeros(every.max() - first + 1, bool)
+    first = int(every.min())
+    present = np.zeros(int(every.max()) + 1 - first, bool)
     present[every - first] = True
-    return np.flatnonzero(present) + first
+    return np.asarray(np.flatnonzero(present) + first)
