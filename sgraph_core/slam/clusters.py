@@ -78,7 +78,7 @@ class LiveClusters:
             The members of all nodes that may have come, gone or changed, and how many fragments
             were clustered.
         """
-        size, removed = len(self._fragments.fragments), changed.removed
+        removed = changed.removed
         self._repeated = set(changed.repeated.tolist())
         touched = np.union1d(touched, changed.repeated)
         orphans = np.setdiff1d(self._mates(removed), removed)
@@ -87,7 +87,7 @@ class LiveClusters:
         while True:
             context = self._components(self._pairs.neighbours(inner))
             new = self._cluster(context, inner)
-            held = rows_where(size, *(rows_of(found.rows) for found in new), inner)
+            held = rows_where(*(rows_of(found.rows) for found in new), inner)
             if len(held) == len(inner):
                 old = self._holding(np.union1d(inner, removed))
                 return self._replace(old.difference(new), set(new) - old), len(context)
@@ -136,7 +136,7 @@ class LiveClusters:
             pairs = self._pairs.related(latest)
             likely = self._pairs.pairs["logits"][pairs, self._column] > 0
             ends = self._pairs.pairs["ends"][pairs[likely]]
-            wider = rows_where(len(self._fragments.fragments), whole, ends.ravel())
+            wider = rows_where(whole, ends.ravel())
             latest = np.setdiff1d(wider, whole, assume_unique=True)
             whole = wider
         return whole

@@ -106,12 +106,12 @@ class LivePairs:
     def related(self, rows: IntArray) -> IntArray:
         """Return the rows of the related pairs of some fragments."""
         each = [self._pairs_of(row) for row in rows.tolist()]
-        return rows_where(len(self.pairs), *each)
+        return rows_where(*each)
 
     def neighbours(self, rows: IntArray) -> IntArray:
         """Return fragments and all that are related to one of them."""
         ends = self.pairs["ends"][self.related(rows)].ravel()
-        return rows_where(len(self._fragments), rows, ends)
+        return rows_where(rows, ends)
 
     def _pairs_of(self, row: int) -> IntArray:
         if row not in self._arrays:

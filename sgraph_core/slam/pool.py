@@ -104,7 +104,7 @@ def meeting(
     level = (wide[:, 1] <= top) & (wide[:, 3] >= bottom)
     near, wide = near[level], wide[level]
     if len(targets) == 1:
-        return near
+        return np.asarray(near)
     tree = shapely.STRtree(np.asarray(shapely.box(*targets.T)))
     asking, _ = tree.query(np.asarray(shapely.box(*wide.T)))
     return np.asarray(near[np.unique(asking)])
@@ -120,9 +120,12 @@ def boxes_around(segments: FloatArray) -> FloatArray:
     return np.concatenate([segments.min(axis=1), segments.max(axis=1)], axis=1)
 
 
-def rows_where(size: int, *numbers: IntArray) -> IntArray:
-    """Return the row numbers below ``size`` that are in any of the arrays, ascending, each once."""
-    present = np.zeros(size, bool)
-    if numbers:
-        present[np.concatenate(numbers)] = True
-    return np.flatnonzero(present)
+def rows_where(*numbers: IntArray) -> IntArray:
+    """Return the row numbers that are in any of the arrays, ascending, each once."""
+    every: IntArray = np.concatenate([np.empty(0, np.int64), *numbers])
+    if not len(every):
+        return every
+    first = int(every.min())
+    present = np.zeros(int(every.max()) + 1 - first, bool)
+    present[every - first] = True
+    return np.asarray(np.flatnonzero(present) + first)

@@ -130,9 +130,10 @@ class ConceptTracker:
         self._origin: FloatArray | None = None
         self._pending: set[int] = set(self._graph.wall_surfaces.ids.tolist())
         self._observed: dict[int, int] = {}
-        self._observed_rows = Pool(row=np.empty(0, np.int64))
-        for surface in np.unique(self._graph.observations.surface_ids).tolist():
-            self._count_observed(surface)
+        self._seen = Pool(
+            id=np.empty(0, np.int64), segment=np.empty((0, 2, 2)), normal=np.empty((0, 2))
+        )
+        self._begin_to_see(np.unique(self._graph.observations.surface_ids).tolist())
         self._newly_observed: set[int] = set()
         self._unmade = False
         self._proposals: dict[Owner, Sequence[tuple[int, int]]] = {}
@@ -198,7 +199,7 @@ class ConceptTracker:
         with self._lock:
             self._graph.observe(surface_id, keyframe_id, plane, sigmas)
             if surface_id not in self._observed:
-                self._count_observed(surface_id)
+                self._begin_to_see([surface_id])
                 self._newly_observed.add(surface_id)
 
     def move(
@@ -217,9 +218,9 @@ class ConceptTracker:
         """
         with self._lock:
             self._graph.move(keyframes, surfaces)
-            ids = list(surfaces or {})
-            now = self._ordered(ids)
-            for surface, segment in zip(ids, now.segments, strict=True):
+            now = self._ordered(list(surfaces or {}))
+            self._see_moved(now)
+            for surface, segment in zip(now.ids.tolist(), now.segments, strict=True):
                 if surface in self._mapped:
                     moved = np.abs(segment - self._mapped[surface][0]).max()
                     if moved > self._tolerance:
@@ -397,22 +398,23 @@ class ConceptTracker:
             (name, node.id) for name, change in changes.items() for node in change.removed
         ]
         made: list[tuple[Owner, FactorResult]] = []
-        surfaces = self._observed_surfaces()
+        seen = self._seen
+        surfaces = SurfaceArrays(seen["id"], seen["segment"], seen["normal"])
         for name, make in self._makers.items():
             change, nodes = changes[name], self._nodes[name]
             after = nodes.after(change)
-            wanted = {node.id for node in (*change.added, *change.changed)}
-            for surface in self._newly_observed:
-                wanted |= {node.id for node in nodes.having(surface)}
+            concerned = [node for i in self._newly_observed for node in nodes.having(i)]
+            wanted = {node.id: node for node in (*concerned, *change.changed, *change.added)}
+            for node in change.removed:
+                wanted.pop(node.id, None)
             memory = Memory()
-            for node in after:
-                if node.id in wanted or self._unmade:
-                    context = self._context(name, node, after, surfaces, memory)
-                    result = made_by(make, name, node, context)
-                    check_factors(
-                        f"factor of {name} {node.id}", result, _planes(context), gtsam.Values()
-                    )
-                    made.append(((name, node.id), result))
+            for node in after if self._unmade else sorted(wanted.values(), key=lambda n: n.id):
+                context = self._context(name, node, after, surfaces, memory)
+                result = made_by(make, name, node, context)
+                check_factors(
+                    f"factor of {name} {node.id}", result, _planes(context), gtsam.Values()
+                )
+                made.append(((name, node.id), result))
         return gone, made
 
     def _context(
@@ -425,9 +427,8 @@ class ConceptTracker:
     ) -> FactorContext:
         members = [member for member in node.members if member in self._observed]
         rows = np.array([self._observed[member] for member in members], np.int64)
-        table = self._graph.wall_surfaces
-        segments = table.segments[rows]
-        planes = vertical_planes(segments, table.normals[rows])
+        segments = surfaces.segments[rows]
+        planes = vertical_planes(segments, surfaces.normals[rows])
         return FactorContext(
             {member: self._keys.surface(member) for member in members},
             dict(zip(members, planes, strict=True)),
@@ -438,12 +439,19 @@ class ConceptTracker:
             memory,
         )
 
-    def _count_observed(self, surface: int) -> None:
-        row = self._observed[surface] = self._graph.surface_row(surface)
-        self._observed_rows.add(1, row=np.array([row]))
+    def _begin_to_see(self, ids: Sequence[int]) -> None:
+        """Take in surfaces that are observed for the first time."""
+        new = self._ordered(ids)
+        rows = self._seen.add(len(ids), id=new.ids, segment=new.segments, normal=new.normals)
+        self._observed.update(zip(ids, rows.tolist(), strict=True))
 
-    def _observed_surfaces(self) -> SurfaceArrays:
-        return _taken(self._graph.wall_surfaces, self._observed_rows["row"])
+    def _see_moved(self, surfaces: SurfaceArrays) -> None:
+        """Put those of the surfaces that are observed where they are now."""
+        which = [k for k, i in enumerate(surfaces.ids.tolist()) if i in self._observed]
+        moved = surfaces.take(np.array(which, np.int64))
+        rows = [self._observed[i] for i in moved.ids.tolist()]
+        self._seen["segment"][rows] = moved.segments
+        self._seen["normal"][rows] = moved.normals
 
     def _factor_makers(self, factor_types: Mapping[str, str]) -> dict[str, FactorMaker]:
         registry = self._detector.registry

@@ -280,6 +280,17 @@ def test_surfaces_lie_on_their_planes_and_unobserved_ones_stay() -> None:
     assert (result.wall_surface(unseen).segment == graph.wall_surface(unseen).segment).all()
 
 
+def test_a_map_whose_concepts_add_nothing_is_solved_once() -> None:
+    graph = with_walls(drive(0))
+    low = low_layers(graph)
+    optimizer = gtsam.LevenbergMarquardtOptimizer(low.graph, low.values)
+    values, plain = optimizer.optimize(), optimize(graph, {"room": "none", "wall": "none"})
+    assert plain.values.equals(values, 1e-12)
+    assert plain.iterations == optimizer.iterations()
+    assert plain.factors == low.graph.size()
+    assert plain.graph.concepts["wall"] != graph.concepts["wall"]  # their shapes are moved
+
+
 def test_sides_that_are_no_wall_get_no_factors_and_do_not_bend_the_map() -> None:
     simulated = drive(1)
     graph = with_walls(simulated)

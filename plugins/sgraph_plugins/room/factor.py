@@ -18,7 +18,6 @@ from sgraph_concepts.types import (
     FactorResult,
     FloatArray,
     IntArray,
-    SurfaceArrays,
 )
 from sgraph_core.backend.coincidence import coincidence
 
