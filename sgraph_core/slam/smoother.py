@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import gtsam
 import networkx as nx
@@ -19,9 +19,7 @@ from sgraph_core.backend.low_layers import (
     vertical_planes,
 )
 from sgraph_core.graph import SGraph
-
-if TYPE_CHECKING:
-    from sgraph_core.slam.tracker import Update
+from sgraph_core.slam.update import Update
 
 __all__ = ["Smoother"]
 

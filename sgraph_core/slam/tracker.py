@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from threading import RLock
 
 import gtsam
@@ -13,56 +12,28 @@ from numpy.typing import ArrayLike
 
 from sgraph_concepts.errors import ConceptError, InputError, OptimizationError
 from sgraph_concepts.spec import WALL_SURFACE
-from sgraph_concepts.types import (
-    ConceptNode,
-    FactorContext,
-    FactorResult,
-    FloatArray,
-    IntArray,
-    SurfaceArrays,
-)
+from sgraph_concepts.types import ConceptNode, FactorResult, FloatArray, IntArray, SurfaceArrays
 from sgraph_core.backend.association import Association, Proposal, Same, associate
-from sgraph_core.backend.checks import check_factors
-from sgraph_core.backend.concept_factors import NO_FACTOR, made_by, tie
+from sgraph_core.backend.concept_factors import tie
 from sgraph_core.backend.keys import Keys
-from sgraph_core.backend.low_layers import vertical_planes
 from sgraph_core.detector import Detector
-from sgraph_core.graph import SGraph
+from sgraph_core.graph import Pins, SGraph
+from sgraph_core.pins import PINNED_CONCEPT, between_mapped, check_pins
 from sgraph_core.slam.clusters import Members
 from sgraph_core.slam.estimate import moves
+from sgraph_core.slam.factors import FactorMakers
 from sgraph_core.slam.handout import Handout, Ledger, Owner
 from sgraph_core.slam.inference import LiveInference, Work
 from sgraph_core.slam.nodes import LiveNodes, NodeChanges
+from sgraph_core.slam.pins import PairPins
 from sgraph_core.slam.smoother import Smoother
+from sgraph_core.slam.update import Update
 from sgraph_core.tables import WallSurfaces
 
-__all__ = ["ConceptTracker", "Update"]
+__all__ = ["ConceptTracker"]
 
-FactorMaker = Callable[[ConceptNode, FactorContext], FactorResult]
 Mapped = tuple[FloatArray, FloatArray]
 """Segment and normal of a surface."""
-
-
-@dataclass(frozen=True, eq=False)
-class Update:
-    """What an update asks a factor graph to do, and what became of the nodes.
-
-    Attributes:
-        factors: factors to add.
-        values: initial values of variables that are new.
-        remove: indices of factors to remove, as :meth:`ConceptTracker.placed` was told them: those
-            of nodes that are gone, or whose factors are among those to add.
-        unused: keys of variables that no factor refers to any more; ISAM2 drops them by itself.
-        nodes: what became of each concept's nodes.
-        work: what was computed.
-    """
-
-    factors: gtsam.NonlinearFactorGraph
-    values: gtsam.Values
-    remove: list[int]
-    unused: list[int]
-    nodes: Mapping[str, NodeChanges]
-    work: Work
 
 
 class ConceptTracker:
@@ -81,7 +52,8 @@ class ConceptTracker:
     turns.
 
     Args:
-        graph: a map to begin with; it is copied. Its nodes give their ids and names on.
+        graph: a map to begin with; it is copied. Its nodes give their ids and names on, its pins
+            hold, as in :meth:`pin`.
         detector: infers the concepts.
         keys: the keys of keyframes, surfaces and nodes.
         factor_types: by concept, another factor type than the declared one; see
@@ -91,7 +63,7 @@ class ConceptTracker:
             as unmoved.
 
     Raises:
-        InputError: the graph has pins, or the tolerance is negative.
+        InputError: the graph's pins contradict one another, or the tolerance is negative.
         ConceptError: a concept or a factor type is unknown.
     """
 
@@ -106,8 +78,7 @@ class ConceptTracker:
     ) -> None:
         self._lock = RLock()
         self._graph = SGraph() if graph is None else graph.copy()
-        if self._graph.pins is not None:
-            raise InputError("pins are for whole maps: a ConceptTracker takes a graph without them")
+        check_pins(self._graph.pins or Pins())
         if not tolerance_m >= 0:
             raise InputError(f"tolerance_m = {tolerance_m}: must not be negative")
         self._detector = Detector() if detector is None else detector
@@ -117,7 +88,9 @@ class ConceptTracker:
             self._detector.registry.select(None if concepts is None else list(concepts))
         )
         self._grouping_surfaces = [c for c in self._concepts if c.spec.groups == WALL_SURFACE]
-        self._makers = self._factor_makers(factor_types or {})
+        self._makers = FactorMakers(
+            self._detector.registry, self._grouping_surfaces, factor_types or {}, self._keys
+        )
         self._nodes = {
             c.spec.name: LiveNodes(c.spec.name, self._graph.concepts.get(c.spec.name, ()))
             for c in self._concepts
@@ -127,10 +100,9 @@ class ConceptTracker:
         self._mapped: dict[int, Mapped] = {}
         self._origin: FloatArray | None = None
         self._pending: set[int] = set(self._graph.wall_surfaces.ids.tolist())
-        self._observed = {
-            i: self._graph.surface_row(i)
-            for i in np.unique(self._graph.observations.surface_ids).tolist()
-        }
+        ids = np.unique(self._graph.observations.surface_ids).tolist()
+        self._observed = {i: place for place, i in enumerate(ids)}
+        self._observed_rows = [self._graph.surface_row(i) for i in ids]
         self._newly_observed: set[int] = set()
         self._unmade = False
         self._proposals: dict[Owner, Sequence[tuple[int, int]]] = {}
@@ -151,15 +123,43 @@ class ConceptTracker:
             return [node for _, node in sorted(self._nodes[concept].by_id.items())]
 
     def snapshot(self) -> SGraph:
-        """Return a copy of the map with its concepts; the time this takes grows with the map."""
+        """Return a copy of the map with its concepts; the time this takes grows with the map.
+
+        Of the pins it holds the names and those between surfaces that are mapped.
+        """
         with self._lock:
             graph = self._graph.copy()
+            if graph.pins is not None:
+                graph.pins = self._pins_between_mapped()
             for concept in self._concepts:
                 name, groups = concept.spec.name, concept.spec.groups
                 graph.concepts[name] = self.nodes(name)
                 if groups != WALL_SURFACE:
                     graph.groups[name] = groups
             return graph
+
+    @property
+    def pins(self) -> Pins:
+        """What is pinned; pairs that wait for a surface to be mapped are included."""
+        with self._lock:
+            return self._graph.pins or Pins()
+
+    def pin(self, pins: Pins) -> None:
+        """Let pins hold from the next update on, instead of those before.
+
+        Rooms are then as :meth:`sgraph_core.Detector.infer` finds them with these pins. A pair
+        waits until both surfaces are mapped, a name until there is a room of its id.
+
+        Args:
+            pins: all of them: to add some, ``dataclasses.replace(tracker.pins, ...)``.
+
+        Raises:
+            InputError: they contradict one another, those that wait included, or name no pairs of
+                ids.
+        """
+        check_pins(pins)
+        with self._lock:
+            self._graph.pins = deepcopy(pins)
 
     # -- what the front end finds ----------------------------------------------------------------
 
@@ -196,7 +196,8 @@ class ConceptTracker:
         with self._lock:
             self._graph.observe(surface_id, keyframe_id, plane, sigmas)
             if surface_id not in self._observed:
-                self._observed[surface_id] = self._graph.surface_row(surface_id)
+                self._observed[surface_id] = len(self._observed)
+                self._observed_rows.append(self._graph.surface_row(surface_id))
                 self._newly_observed.add(surface_id)
 
     def move(
@@ -343,7 +344,7 @@ class ConceptTracker:
         surfaces = self._ordered(sorted(self._pending), self._mapped if anew else {})
         live = self._live or self._begin(surfaces)
         self._live = None  # kept only if all goes well
-        concerned, work = live.update(surfaces)
+        concerned, work = live.update(surfaces, PairPins(self._pins_between_mapped()))
         changes = self._changes(live, concerned, anew)
         handout = self._ledger.prepare(*self._factors(changes))
 
@@ -363,6 +364,12 @@ class ConceptTracker:
         self._proposals |= {owner: result.same for owner, result in handout.made}
         return _update_of(handout, changes, work)
 
+    def _pins_between_mapped(self) -> Pins:
+        pins = self.pins
+        if not (pins.same_room or pins.not_same_room):
+            return pins
+        return between_mapped(pins, set(self._graph.wall_surfaces.ids.tolist()))
+
     def _begin(self, surfaces: SurfaceArrays) -> LiveInference:
         if self._origin is None and len(surfaces):
             self._origin = np.round(surfaces.midpoints.mean(axis=0))
@@ -378,9 +385,11 @@ class ConceptTracker:
             nodes, change = self._nodes[name], NodeChanges()
             if groups == WALL_SURFACE:
                 members = concerned[name] | (nodes.members if anew else set())
-                change, there = nodes.compare({m: live.confidence(name, m) for m in members})
+                names = self.pins.room_names if name == PINNED_CONCEPT else {}
+                change, there = nodes.compare({m: live.confidence(name, m) for m in members}, names)
                 gone = [node.id for node in change.removed]
                 change = nodes.shaped(change, live.shapes(name, gone, there))
+                change = nodes.named(change, names)
             elif anew or changes[groups]:
                 grouped = self._nodes[groups].after(changes[groups])
                 before = list(nodes.by_id.values())
@@ -397,7 +406,7 @@ class ConceptTracker:
         ]
         made: list[tuple[Owner, FactorResult]] = []
         surfaces = self._observed_surfaces()
-        for name, make in self._makers.items():
+        for name in self._makers.concepts:
             change, nodes = changes[name], self._nodes[name]
             after = nodes.after(change)
             wanted = {node.id for node in (*change.added, *change.changed)}
@@ -405,50 +414,13 @@ class ConceptTracker:
                 wanted |= {node.id for node in nodes.having(surface)}
             for node in after:
                 if node.id in wanted or self._unmade:
-                    context = self._context(name, node, after, surfaces)
-                    result = made_by(make, name, node, context)
-                    check_factors(
-                        f"factor of {name} {node.id}", result, _planes(context), gtsam.Values()
-                    )
+                    result = self._makers.make(name, node, after, surfaces, self._observed)
                     made.append(((name, node.id), result))
         return gone, made
 
-    def _context(
-        self,
-        concept: str,
-        node: ConceptNode,
-        nodes: Sequence[ConceptNode],
-        surfaces: SurfaceArrays,
-    ) -> FactorContext:
-        members = [member for member in node.members if member in self._observed]
-        rows = np.array([self._observed[member] for member in members], np.int64)
-        table = self._graph.wall_surfaces
-        segments = table.segments[rows]
-        planes = vertical_planes(segments, table.normals[rows])
-        return FactorContext(
-            {member: self._keys.surface(member) for member in members},
-            dict(zip(members, planes, strict=True)),
-            dict(zip(members, segments, strict=True)),
-            nodes,
-            partial(self._keys.node, concept, node.id),
-            surfaces,
-        )
-
     def _observed_surfaces(self) -> SurfaceArrays:
-        rows = np.fromiter(self._observed.values(), np.int64, len(self._observed))
+        rows = np.array(self._observed_rows, np.int64)
         return _taken(self._graph.wall_surfaces, rows)
-
-    def _factor_makers(self, factor_types: Mapping[str, str]) -> dict[str, FactorMaker]:
-        registry = self._detector.registry
-        for name in factor_types:
-            registry[name]  # raises if there is none
-        makers = {}
-        for concept in self._grouping_surfaces:
-            name = concept.spec.name
-            reference = factor_types.get(name, concept.spec.factor)
-            if reference not in (None, NO_FACTOR):
-                makers[name] = registry.part(name, "factor", reference)
-        return makers
 
     def _ordered(
         self, ids: Sequence[int], known: Mapping[int, Mapped] | None = None
@@ -474,10 +446,3 @@ def _taken(table: WallSurfaces, rows: IntArray) -> SurfaceArrays:
 
 def _update_of(handout: Handout, nodes: Mapping[str, NodeChanges], work: Work) -> Update:
     return Update(handout.factors, handout.values, handout.remove, handout.unused, nodes, work)
-
-
-def _planes(context: FactorContext) -> gtsam.Values:
-    values = gtsam.Values()
-    for member, key in context.plane_keys.items():
-        values.insert(key, gtsam.OrientedPlane3(*context.planes[member]))
-    return values
