@@ -111,6 +111,12 @@ class WallSurfaces:
     normals: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
     heights: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
 
+    def take(self, rows: IntArray) -> WallSurfaces:
+        """Return some of the surfaces."""
+        return WallSurfaces(
+            self.ids[rows], self.segments[rows], self.normals[rows], self.heights[rows]
+        )
+
     def ordered(self) -> SurfaceArrays:
         """Return the surfaces with their endpoints ordered by their normals."""
         first, second = self.segments[:, 0], self.segments[:, 1]

@@ -65,8 +65,13 @@ class Smoother:
         if lost:
             raise OptimizationError(f"odometry does not connect keyframe {lost[0]} to the others")
 
-    def add(self, graph: SGraph, update: Update) -> list[int]:
+    def add(self, graph: SGraph, update: Update, anew: bool = False) -> list[int]:
         """Add what is new in a graph that :meth:`check` accepts, and an update's factors.
+
+        Args:
+            graph: the low layers.
+            update: what to add and to remove.
+            anew: linearise anew all that has moved, which ISAM2 does by itself now and then.
 
         Returns:
             The indices of the update's factors.
@@ -92,7 +97,7 @@ class Smoother:
         own = factors.size()
         factors.push_back(update.factors)
         values.insert(update.values)
-        indices = self._solve(factors, values, update.remove)
+        indices = self._solve(factors, values, update.remove, anew)
         self._keyframes, self._odometry = len(graph.keyframes.ids), len(graph.odometry.poses)
         self._observations = len(graph.observations.planes)
         self._connected.update(keyframes.ids.tolist())
@@ -105,9 +110,14 @@ class Smoother:
         return self._isam.calculateEstimate()
 
     def _solve(
-        self, factors: gtsam.NonlinearFactorGraph, values: gtsam.Values, remove: list[int]
+        self,
+        factors: gtsam.NonlinearFactorGraph,
+        values: gtsam.Values,
+        remove: list[int],
+        anew: bool,
     ) -> list[int]:
         params = gtsam.ISAM2UpdateParams()
+        params.force_relinearize = anew
         params.removeFactorIndices = remove
         try:
             result = self._isam.update(factors, values, params)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from copy import deepcopy
+from dataclasses import replace
 from threading import RLock
 
 import gtsam
@@ -12,26 +13,31 @@ from numpy.typing import ArrayLike
 
 from sgraph_concepts.errors import ConceptError, InputError, OptimizationError
 from sgraph_concepts.spec import WALL_SURFACE
-from sgraph_concepts.types import ConceptNode, FactorResult, FloatArray, IntArray, SurfaceArrays
+from sgraph_concepts.types import ConceptNode, FactorResult, FloatArray, SurfaceArrays
 from sgraph_core.backend.association import Association, Proposal, Same, associate
 from sgraph_core.backend.concept_factors import tie
 from sgraph_core.backend.keys import Keys
+from sgraph_core.backend.robust import Refusal
 from sgraph_core.detector import Detector
 from sgraph_core.graph import Pins, SGraph
 from sgraph_core.pins import PINNED_CONCEPT, between_mapped, check_pins
 from sgraph_core.slam.clusters import Members
 from sgraph_core.slam.estimate import moves
 from sgraph_core.slam.factors import FactorMakers
-from sgraph_core.slam.handout import Handout, Ledger, Owner
+from sgraph_core.slam.handout import Ledger, Owner
 from sgraph_core.slam.inference import LiveInference, Work
+from sgraph_core.slam.misfits import Misfits
 from sgraph_core.slam.nodes import LiveNodes, NodeChanges
 from sgraph_core.slam.pins import PairPins
 from sgraph_core.slam.smoother import Smoother
-from sgraph_core.slam.update import Update
-from sgraph_core.tables import WallSurfaces
+from sgraph_core.slam.update import Update, update_of
 
 __all__ = ["ConceptTracker"]
 
+MOST_STEPS = 30
+"""Of ISAM2 in one call, while there are misfits."""
+Subject = Owner | tuple[str, Members]
+"""A tie, or a concept and the members of a node."""
 Mapped = tuple[FloatArray, FloatArray]
 """Segment and normal of a surface."""
 
@@ -95,7 +101,8 @@ class ConceptTracker:
             c.spec.name: LiveNodes(c.spec.name, self._graph.concepts.get(c.spec.name, ()))
             for c in self._concepts
         }
-        self._ledger = Ledger()
+        self._ledger, self._misfits = Ledger(), Misfits(self._keys)
+        self._off: dict[Subject, Refusal] = {}
         self._live: LiveInference | None = None
         self._mapped: dict[int, Mapped] = {}
         self._origin: FloatArray | None = None
@@ -161,6 +168,19 @@ class ConceptTracker:
         with self._lock:
             self._graph.pins = deepcopy(pins)
 
+    @property
+    def refusals(self) -> list[Refusal]:
+        """Why factors of nodes and ties that there are are switched off."""
+        with self._lock:
+            ties = [self._off[owner] for owner in self._ties if owner in self._off]
+            nodes = [
+                replace(self._off[name, frozenset(node.members)], node=node.id)
+                for name in self._makers.concepts
+                for node in self.nodes(name)
+                if (name, frozenset(node.members)) in self._off
+            ]
+            return nodes + ties
+
     # -- what the front end finds ----------------------------------------------------------------
 
     def add_keyframe(self, keyframe_id: int, pose: ArrayLike, stamp: float | None = None) -> None:
@@ -225,19 +245,26 @@ class ConceptTracker:
                         self._pending.add(surface)
 
     def follow(self, values: gtsam.Values) -> None:
-        """Move keyframes and surfaces to where an optimiser has them.
+        """Move keyframes and surfaces to where an optimiser has them, and test the factors.
 
         A surface is carried along by the keyframes that observed it, and put onto its plane. The
-        time this takes grows with the map.
+        time this takes grows with the map. Factors that contradict the solution (the chi-squared
+        test of :mod:`sgraph_core.backend.robust`) leave with the next update.
 
         Args:
             values: of variables on the tracker's keys; what it does not hold stays where it is.
 
         Raises:
             InputError: a value breaks the map file's rules.
+            ConceptError: a plugin's factor fails.
         """
         with self._lock:
-            self.move(*moves(self._graph, self._keys, values))
+            keyframes, surfaces, planes = moves(self._graph, self._keys, values)
+            verdict = self._misfits.verdict
+            if not self._ledger.waiting:
+                verdict = self._misfits.judge(self._graph, values, *planes)
+            self.move(keyframes, surfaces)
+            self._misfits.verdict = verdict
 
     # -- what follows --------------------------------------------------------------------------
 
@@ -281,7 +308,7 @@ class ConceptTracker:
             OptimizationError: as :meth:`optimize` raises it, on a graph of the tracker's own.
         """
         with self._lock:
-            self._require_placed()
+            self._ledger.require_placed()
             proposals = [
                 Proposal(owner[0], owner[1], pairs) for owner, pairs in self._proposals.items()
             ]
@@ -292,18 +319,23 @@ class ConceptTracker:
             made = [
                 (owner, tie(pair, self._graph, self._keys))
                 for owner, pair in ties.items()
-                if owner not in self._ties
+                if owner not in self._ties and owner not in self._off
             ]
             handout = self._ledger.prepare(self._ties.keys() - ties.keys(), made)
             self._ledger.commit(handout)
+            self._misfits.take(handout, ties)
+            for owner in handout.gone:
+                self._off.pop(owner, None)
             self._ties = ties
-            update = _update_of(handout, {}, Work())
+            update = update_of(handout, {}, [], Work())
             if self._smoother is not None:
-                self._take(self._smoother, update)
+                update = replace(update, refusals=self._take(self._smoother, update))
             return update
 
     def optimize(self) -> Update:
         """Update, optimise the map with its concepts by ISAM2, and :meth:`follow` the solution.
+
+        What contradicts it is switched off at once, and the map optimised again.
 
         Raises:
             InputError: the factors of an update went to a graph of the caller's.
@@ -317,36 +349,57 @@ class ConceptTracker:
             smoother = self._smoother or Smoother(self._keys)
             smoother.check(self._graph)
             update = self._update()
-            self._take(smoother, update)
-            return update
+            return replace(update, refusals=[*update.refusals, *self._take(smoother, update)])
 
-    def _take(self, smoother: Smoother, update: Update) -> None:
-        """Take an update's factors into the tracker's own graph, and follow the solution."""
+    def _take(self, smoother: Smoother, update: Update) -> list[Refusal]:
+        """Take an update's factors into the tracker's own graph, and follow the solution.
+
+        Returns:
+            Why factors were switched off in the new solution.
+        """
+        refusals: list[Refusal] = []
         try:
             self._ledger.placed(smoother.add(self._graph, update))
-        except OptimizationError:
-            self._smoother, self._ledger, self._ties = None, Ledger(), {}
-            self._unmade = True
+            for steps_left in reversed(range(MOST_STEPS)):
+                values = smoother.values
+                keyframes, surfaces, planes = moves(self._graph, self._keys, values)
+                self._misfits.verdict = self._misfits.judge(self._graph, values, *planes)
+                if not self._misfits.verdict.waiting or not steps_left:
+                    break
+                step = self._without_misfits()
+                self._ledger.placed(smoother.add(self._graph, step, anew=True))
+                refusals += step.refusals
+        except (ConceptError, OptimizationError):
+            self._smoother, self._ties, self._unmade = None, {}, True
+            self._ledger, self._misfits = Ledger(), Misfits(self._keys)
             raise
         self._smoother = smoother
-        self.follow(smoother.values)
+        self.move(keyframes, surfaces)
+        return refusals
 
-    def _require_placed(self) -> None:
-        if self._ledger.waiting:
-            raise InputError(
-                f"the last update has {self._ledger.waiting} factors: "
-                "say with placed() at which indices they are"
-            )
+    def _without_misfits(self) -> Update:
+        """Return an update that removes the factors of the misfits found, and nothing else."""
+        found = self._misfits.verdict.found
+        handout = self._ledger.prepare([], [(owner, FactorResult()) for owner in found])
+        self._ledger.commit(handout)
+        self._off |= {self._subject(owner): refusal for owner, refusal in found.items()}
+        self._misfits.take(handout, self._ties)
+        return update_of(handout, {}, list(found.values()), Work())
 
     def _update(self) -> Update:
-        self._require_placed()
+        self._ledger.require_placed()
         anew = self._live is None
         surfaces = self._ordered(sorted(self._pending), self._mapped if anew else {})
         live = self._live or self._begin(surfaces)
         self._live = None  # kept only if all goes well
         concerned, work = live.update(surfaces, PairPins(self._pins_between_mapped()))
         changes = self._changes(live, concerned, anew)
-        handout = self._ledger.prepare(*self._factors(changes))
+        found = self._misfits.verdict.found
+        off = self._off | {self._subject(owner): refusal for owner, refusal in found.items()}
+        gone, made = self._factors(changes, off)
+        proposals = {owner: result.same for owner, result in made}
+        left = [owner for owner in found if owner not in {*gone, *proposals}]
+        handout = self._ledger.prepare(gone, [*made, *((owner, FactorResult()) for owner in left)])
 
         self._live = live if self._mapped or len(surfaces) else None
         for name, change in changes.items():
@@ -359,10 +412,20 @@ class ConceptTracker:
             )
         }
         self._pending, self._newly_observed, self._unmade = set(), set(), False
-        for owner in handout.gone:
+        for owner in gone:
             self._proposals.pop(owner, None)
-        self._proposals |= {owner: result.same for owner, result in handout.made}
-        return _update_of(handout, changes, work)
+        self._proposals |= proposals
+        bare = [owner for owner, result in handout.made if owner in found and not result.factors]
+        refusals = [found[owner] for owner in bare]
+        self._off = off
+        self._misfits.take(handout, self._ties)
+        return update_of(handout, changes, refusals, work)
+
+    def _subject(self, owner: Owner) -> Subject:
+        """Return what is refused when factors of an owner are: a tie, or a node of its members."""
+        if owner in self._ties:
+            return owner
+        return owner[0], frozenset(self._nodes[owner[0]].by_id[owner[1]].members)
 
     def _pins_between_mapped(self) -> Pins:
         pins = self.pins
@@ -398,14 +461,15 @@ class ConceptTracker:
         return changes
 
     def _factors(
-        self, changes: Mapping[str, NodeChanges]
+        self, changes: Mapping[str, NodeChanges], off: Container[Subject]
     ) -> tuple[list[Owner], list[tuple[Owner, FactorResult]]]:
-        """Return the nodes whose factors go, and those with new factors."""
+        """Return the nodes whose factors go, and those with new ones: none where they are off."""
         gone: list[Owner] = [
             (name, node.id) for name, change in changes.items() for node in change.removed
         ]
         made: list[tuple[Owner, FactorResult]] = []
-        surfaces = self._observed_surfaces()
+        rows = np.array(self._observed_rows, np.int64)
+        surfaces = self._graph.wall_surfaces.take(rows).ordered()
         for name in self._makers.concepts:
             change, nodes = changes[name], self._nodes[name]
             after = nodes.after(change)
@@ -415,19 +479,17 @@ class ConceptTracker:
             for node in after:
                 if node.id in wanted or self._unmade:
                     result = self._makers.make(name, node, after, surfaces, self._observed)
+                    if (name, frozenset(node.members)) in off:
+                        result = FactorResult(same=result.same)
                     made.append(((name, node.id), result))
         return gone, made
-
-    def _observed_surfaces(self) -> SurfaceArrays:
-        rows = np.array(self._observed_rows, np.int64)
-        return _taken(self._graph.wall_surfaces, rows)
 
     def _ordered(
         self, ids: Sequence[int], known: Mapping[int, Mapped] | None = None
     ) -> SurfaceArrays:
         """Return surfaces as they are now, and others as they were last looked at."""
         rows = np.array([self._graph.surface_row(i) for i in ids], np.int64)
-        now = _taken(self._graph.wall_surfaces, rows)
+        now = self._graph.wall_surfaces.take(rows).ordered()
         rest = sorted((known or {}).keys() - set(ids))
         if known is None or not rest:
             return now
@@ -436,13 +498,3 @@ class ConceptTracker:
             np.concatenate([now.segments, [known[i][0] for i in rest]]),
             np.concatenate([now.normals, [known[i][1] for i in rest]]),
         )
-
-
-def _taken(table: WallSurfaces, rows: IntArray) -> SurfaceArrays:
-    return WallSurfaces(
-        table.ids[rows], table.segments[rows], table.normals[rows], table.heights[rows]
-    ).ordered()
-
-
-def _update_of(handout: Handout, nodes: Mapping[str, NodeChanges], work: Work) -> Update:
-    return Update(handout.factors, handout.values, handout.remove, handout.unused, nodes, work)

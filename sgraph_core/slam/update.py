@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import gtsam
 
+from sgraph_core.backend.robust import Refusal
+from sgraph_core.slam.handout import Handout
 from sgraph_core.slam.inference import Work
 from sgraph_core.slam.nodes import NodeChanges
 
-__all__ = ["Update"]
+__all__ = ["Update", "update_of"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +26,8 @@ class Update:
             of nodes that are gone, or whose factors are among those to add.
         unused: keys of variables that no factor refers to any more; ISAM2 drops them by itself.
         nodes: what became of each concept's nodes.
+        refusals: why factors of nodes and ties that stay as they are are among those to remove:
+            they contradict the last solution that the tracker was told.
         work: what was computed.
     """
 
@@ -32,4 +36,14 @@ class Update:
     remove: list[int]
     unused: list[int]
     nodes: Mapping[str, NodeChanges]
+    refusals: Sequence[Refusal]
     work: Work
+
+
+def update_of(
+    handout: Handout, nodes: Mapping[str, NodeChanges], refusals: Sequence[Refusal], work: Work
+) -> Update:
+    """Return the update that asks for what a handout replaces."""
+    return Update(
+        handout.factors, handout.values, handout.remove, handout.unused, nodes, refusals, work
+    )

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from drive import drive
 from plans import block, plan, rectangle, true_rooms
+from tracked import keyframes_of
 from zone import Moody
 
 from sgraph_concepts.errors import ConceptError, InputError, OptimizationError
@@ -29,32 +30,6 @@ OWN = Keys(
     node=lambda concept, i, v: (9 if concept == "room" else 8) * 10**6 + 1000 * i + v,
     tie=lambda one, two: 10**7 + 1000 * one + two,
 )
-
-
-def keyframes_of(graph: SGraph) -> list[Callable[[SGraph | ConceptTracker], None]]:
-    """Return a call for each keyframe that adds it, and all that it sees, to a graph or tracker."""
-    first_seen: dict[int, int] = {}
-    table, motion, seen = graph.keyframes, graph.odometry, graph.observations
-    for surface, keyframe in zip(
-        seen.surface_ids.tolist(), seen.keyframe_ids.tolist(), strict=True
-    ):
-        first_seen.setdefault(surface, keyframe)
-
-    def enter(target: SGraph | ConceptTracker, keyframe: int) -> None:
-        target.add_keyframe(keyframe, table.poses[keyframe])
-        for row in np.flatnonzero(motion.to_ids == keyframe):
-            target.add_odometry(
-                int(motion.from_ids[row]), keyframe, motion.poses[row], motion.sigmas[row]
-            )
-        for surface, first in first_seen.items():
-            if first == keyframe:
-                view = graph.wall_surface(surface)
-                target.add_wall_surface(surface, view.segment, view.normal)
-        for row in np.flatnonzero(seen.keyframe_ids == keyframe):
-            surface = int(seen.surface_ids[row])
-            target.observe(surface, keyframe, seen.planes[row], seen.sigmas[row])
-
-    return [lambda target, k=k: enter(target, k) for k in table.ids.tolist()]  # type: ignore[misc]
 
 
 class Caller:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
@@ -54,3 +54,29 @@ def eastwards(graph: SGraph, rng: np.random.Generator) -> list[int]:
     x = graph.wall_surfaces.segments[:, :, 0].mean(axis=1)
     order = np.argsort(x + rng.normal(0, 2.0, len(x)))
     return [int(i) for i in graph.wall_surfaces.ids[order]]
+
+
+def keyframes_of(graph: SGraph) -> list[Callable[[SGraph | ConceptTracker], None]]:
+    """Return a call for each keyframe that adds it, and all that it sees, to a graph or tracker."""
+    first_seen: dict[int, int] = {}
+    table, motion, seen = graph.keyframes, graph.odometry, graph.observations
+    for surface, keyframe in zip(
+        seen.surface_ids.tolist(), seen.keyframe_ids.tolist(), strict=True
+    ):
+        first_seen.setdefault(surface, keyframe)
+
+    def enter(target: SGraph | ConceptTracker, keyframe: int) -> None:
+        target.add_keyframe(keyframe, table.poses[keyframe])
+        for row in np.flatnonzero(motion.to_ids == keyframe):
+            target.add_odometry(
+                int(motion.from_ids[row]), keyframe, motion.poses[row], motion.sigmas[row]
+            )
+        for surface, first in first_seen.items():
+            if first == keyframe:
+                view = graph.wall_surface(surface)
+                target.add_wall_surface(surface, view.segment, view.normal)
+        for row in np.flatnonzero(seen.keyframe_ids == keyframe):
+            surface = int(seen.surface_ids[row])
+            target.observe(surface, keyframe, seen.planes[row], seen.sigmas[row])
+
+    return [lambda target, k=k: enter(target, k) for k in table.ids.tolist()]  # type: ignore[misc]
