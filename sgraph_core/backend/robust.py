@@ -172,7 +172,8 @@ def misfit(
     """Return why factors that stand or fall together contradict a solution, None if they fit.
 
     Args:
-        concept, node: whose they are.
+        concept: whose they are.
+        node: id of the concept's node.
         surfaces: ids of the surfaces of a tie.
         factors: all of them.
         own: degrees of freedom of variables that nothing else refers to, by key.

@@ -69,7 +69,7 @@ def test_it_stays_out_while_its_members_stay(in_order: Detector) -> None:
     tracker = ConceptTracker(four_walls(), in_order, factor_types=FIFTHS)
     tracker.optimize()
     view = tracker.snapshot().wall_surface(6)
-    tracker.move(surfaces={6: (view.segment + [[0, 0.1], [0, 0.1]], view.normal)})
+    tracker.move(surfaces={6: (view.segment + np.array([0, 0.1]), view.normal)})
     update = tracker.optimize()
     assert [node.members for node in update.nodes["wall"].changed] == [(6, 7)]
     assert update.factors.size() == 0
