@@ -14,12 +14,10 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Literal
 
-import numpy as np
-
 from sgraph_concepts.errors import InputError
 from sgraph_concepts.spec import WALL_SURFACE
 from sgraph_core.graph import Pins
-from sgraph_core.tables import LARGEST_ID
+from sgraph_core.tables import ID_RULE, is_id
 
 __all__ = ["PINNED_CONCEPT", "PinError", "Pinned", "RoomPins", "between_mapped", "check_pins"]
 
@@ -29,7 +27,6 @@ PINNED_CONCEPT = "room"
 Pair = tuple[int, int]
 Pinned = Literal["together", "apart"]
 """What two surfaces are pinned to be."""
-ID_RULE = f"must be an integer from 0 to {LARGEST_ID}"
 
 
 class PinError(InputError):
@@ -62,14 +59,14 @@ def check_pins(pins: Pins, surfaces: Collection[int] | None = None) -> None:
                 raise PinError(f"pins.{name}[{k}]", pair, "must be a tuple of two surfaces")
             for side, surface in enumerate(pair):
                 place = f"pins.{name}[{k}][{side}]"
-                if not _is_id(surface):
+                if not is_id(surface):
                     raise PinError(place, surface, ID_RULE)
                 if surfaces is not None and surface not in surfaces:
                     raise PinError(place, surface, f"must be the id of a {WALL_SURFACE}")
             if pair[0] == pair[1]:
                 raise PinError(f"pins.{name}[{k}]", list(pair), "must be two surfaces")
     for room, text in pins.room_names.items():
-        if not _is_id(room):
+        if not is_id(room):
             raise PinError("pins.room_names", room, f"key {ID_RULE}")
         if not isinstance(text, str):
             raise PinError(f"pins.room_names[{room}]", text, "must be text")
@@ -87,11 +84,6 @@ def between_mapped(pins: Pins, surfaces: Collection[int]) -> Pins:
         for pairs in (pins.same_room, pins.not_same_room)
     )
     return replace(pins, same_room=same, not_same_room=apart)
-
-
-def _is_id(value: object) -> bool:
-    is_integer = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    return is_integer and 0 <= value <= LARGEST_ID  # type: ignore[operator]
 
 
 class RoomPins:

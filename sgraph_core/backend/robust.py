@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import gtsam
 from scipy.special import chdtri
 
-from sgraph_concepts.errors import OptimizationError
+from sgraph_concepts.errors import ConceptError, OptimizationError, one_line
 from sgraph_core.backend.concept_factors import ConceptFactors, FactorGroup
 from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.low_layers import LowLayers
@@ -17,6 +17,7 @@ __all__ = [
     "STRETCH",
     "Refusal",
     "RobustSolution",
+    "error_of",
     "keys_of",
     "misfit",
     "solve",
@@ -81,8 +82,15 @@ def solve(factors: gtsam.NonlinearFactorGraph, start: gtsam.Values) -> tuple[gts
         optimizer = gtsam.LevenbergMarquardtOptimizer(factors, start)
         return optimizer.optimize(), int(optimizer.iterations())
     except Exception as error:  # a third party's factors may raise anything
-        reason = " ".join(str(error).split())
-        raise OptimizationError(f"the factor graph cannot be solved: {reason}") from error
+        raise OptimizationError(f"the factor graph cannot be solved: {one_line(error)}") from error
+
+
+def error_of(factors: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> float:
+    """Return half the sum of squared whitened residuals. Raises OptimizationError as solve does."""
+    try:
+        return float(factors.error(values))
+    except Exception as error:  # a third party's factors may raise anything
+        raise OptimizationError(f"a factor fails in the solution: {one_line(error)}") from error
 
 
 def solve_robustly(
@@ -178,10 +186,16 @@ def misfit(
         factors: all of them.
         own: degrees of freedom of variables that nothing else refers to, by key.
         values: the solution.
+
+    Raises:
+        ConceptError: a factor fails.
     """
     freedom = sum(factor.dim() for factor in factors)
     freedom -= sum(own.get(key, 0) for key in keys_of(factors))
-    squares = 2 * sum(factor.error(values) for factor in factors)
+    try:
+        squares = 2 * sum(factor.error(values) for factor in factors)
+    except Exception as error:  # a third party's factors may raise anything
+        raise ConceptError(f"factor of {concept} {node} fails: {one_line(error)}") from error
     threshold = float(chdtri(freedom, REJECTION)) if freedom > 0 else float("inf")
     if squares <= threshold:
         return None

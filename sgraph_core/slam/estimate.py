@@ -6,6 +6,7 @@ import gtsam
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sgraph_concepts.errors import InputError, one_line
 from sgraph_concepts.types import FloatArray, IntArray
 from sgraph_core.backend.back_projection import carried, planes_of
 from sgraph_core.backend.keys import Keys
@@ -14,6 +15,8 @@ from sgraph_core.graph import SGraph
 
 __all__ = ["moves", "observations_of"]
 
+LEVEL = 1e-6
+"""A plane whose normal has no larger horizontal component is no wall's."""
 Poses = dict[int, ArrayLike]
 """By id of the keyframe, as SGraph.move takes them."""
 Surfaces = dict[int, tuple[ArrayLike, ArrayLike]]
@@ -32,17 +35,30 @@ def moves(graph: SGraph, keys: Keys, values: gtsam.Values) -> tuple[Poses, Surfa
         graph: where they were before.
         keys: of the values.
         values: Pose3 of keyframes, OrientedPlane3 of surfaces.
+
+    Raises:
+        InputError: a value has another type, or a plane is not finite or level.
     """
     table = graph.keyframes
     poses = table.poses.copy()
     held = [k for k, i in enumerate(table.ids.tolist()) if values.exists(keys.keyframe(i))]
-    for k in held:
-        poses[k] = pose_row(values.atPose3(keys.keyframe(int(table.ids[k]))))
     observed = np.unique(graph.observations.surface_ids)
     there = [values.exists(keys.surface(i)) for i in observed.tolist()]
     surfaces = observed[np.array(there, bool)]
+    try:
+        for k in held:
+            poses[k] = pose_row(values.atPose3(keys.keyframe(int(table.ids[k]))))
+        planes = planes_of(values, keys, surfaces.tolist())
+    except RuntimeError as error:
+        raise InputError(f"the values are not of this map: {one_line(error)}") from error
+    upright = np.isfinite(planes).all(axis=1) & (np.abs(planes[:, :2]).max(axis=1) > LEVEL)
+    if not upright.all():
+        lost = int(np.argmin(upright))
+        raise InputError(
+            f"the values hold {planes[lost].tolist()} as the plane of wall surface "
+            f"{surfaces[lost]}: must be finite and not level"
+        )
     seen, by = observations_of(graph, surfaces)
-    planes = planes_of(values, keys, surfaces.tolist())
     segments, normals = carried(
         graph.wall_surfaces.segments[[graph.surface_row(i) for i in surfaces.tolist()]],
         seen,

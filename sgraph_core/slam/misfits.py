@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 import gtsam
 import numpy as np
 
-from sgraph_concepts.errors import ConceptError
+from sgraph_concepts.errors import ConceptError, one_line
 from sgraph_concepts.types import FactorResult, FloatArray, IntArray
 from sgraph_core.backend.association import Same
 from sgraph_core.backend.keys import Keys
@@ -52,7 +52,11 @@ class _Group:
         return misfit(self.concept, self.node, self.surfaces, self.factors, self.own, values)
 
     def settled(self, values: gtsam.Values) -> bool:
-        return self._excess(values) <= SETTLED
+        try:
+            return self._excess(values) <= SETTLED
+        except Exception as error:  # a third party's factors may raise anything
+            what = f"factor of {self.concept} {self.node}"
+            raise ConceptError(f"{what} cannot be linearised: {one_line(error)}") from error
 
     def _excess(self, values: gtsam.Values) -> float:
         """Return by how much a step of the own variables would lower the squared error."""
@@ -72,6 +76,8 @@ class _Group:
             slopes.append(np.hstack([slope[key] for key in self.own]))
             residuals.append(residual)
         whole, toward = np.concatenate(residuals), np.concatenate(slopes)
+        if not np.isfinite(whole).all():
+            return np.inf
         step = np.linalg.lstsq(toward, whole, rcond=None)[0]
         return float(whole @ whole - np.sum((whole - toward @ step) ** 2))
 
@@ -150,12 +156,9 @@ class Misfits:
         before = self.verdict.waiting
         waiting = set(before).union(*concerned)
         tested = [owner for owner in waiting if self._is_held(owner, values)]
-        try:
-            found = {o: r for o in tested if (r := self._groups[o].refusal(values)) is not None}
-            times = {o: before.get(o, 0) + 1 for o in found}
-            ripe = {o for o in found if times[o] >= PATIENCE or self._groups[o].settled(values)}
-        except Exception as error:  # a third party's factors may raise anything
-            raise ConceptError(f"a factor fails in the solution: {error}") from error
+        found = {o: r for o in tested if (r := self._groups[o].refusal(values)) is not None}
+        times = {o: before.get(o, 0) + 1 for o in found}
+        ripe = {o for o in found if times[o] >= PATIENCE or self._groups[o].settled(values)}
         worst = {id(r) for r in worst_of(self._with_stretches(found, graph, surfaces))}
         return Verdict(
             {owner: r for owner, r in found.items() if owner in ripe and id(r) in worst},

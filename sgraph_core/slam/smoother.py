@@ -9,7 +9,7 @@ import gtsam
 import networkx as nx
 import numpy as np
 
-from sgraph_concepts.errors import OptimizationError
+from sgraph_concepts.errors import OptimizationError, one_line
 from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.low_layers import (
     add_observations,
@@ -121,9 +121,10 @@ class Smoother:
         params.removeFactorIndices = remove
         try:
             result = self._isam.update(factors, values, params)
-        except RuntimeError as error:
-            reason = " ".join(str(error).split())
-            raise OptimizationError(f"the factor graph cannot be solved: {reason}") from error
+        except Exception as error:  # a third party's factors may raise anything
+            raise OptimizationError(
+                f"the factor graph cannot be solved: {one_line(error)}"
+            ) from error
         return list(result.getNewFactorsIndices())
 
 

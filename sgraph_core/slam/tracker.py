@@ -20,6 +20,7 @@ from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.robust import Refusal
 from sgraph_core.detector import Detector
 from sgraph_core.graph import Pins, SGraph
+from sgraph_core.nodes import check_nodes
 from sgraph_core.pins import PINNED_CONCEPT, between_mapped, check_pins
 from sgraph_core.slam.clusters import Members
 from sgraph_core.slam.estimate import moves
@@ -69,7 +70,8 @@ class ConceptTracker:
             as unmoved.
 
     Raises:
-        InputError: the graph's pins contradict one another, or the tolerance is negative.
+        InputError: the graph's pins contradict one another, a node of it breaks the map file's
+            rules, or the tolerance is negative.
         ConceptError: a concept or a factor type is unknown.
     """
 
@@ -85,6 +87,7 @@ class ConceptTracker:
         self._lock = RLock()
         self._graph = SGraph() if graph is None else graph.copy()
         check_pins(self._graph.pins or Pins())
+        check_nodes(self._graph.concepts, set(self._graph.wall_surfaces.ids.tolist()))
         if not tolerance_m >= 0:
             raise InputError(f"tolerance_m = {tolerance_m}: must not be negative")
         self._detector = Detector() if detector is None else detector

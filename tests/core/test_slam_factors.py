@@ -12,7 +12,7 @@ import pytest
 from drive import drive
 from plans import block, plan, rectangle, true_rooms
 from tracked import keyframes_of
-from zone import Moody
+from zone import Fickle, Moody
 
 from sgraph_concepts.errors import ConceptError, InputError, OptimizationError
 from sgraph_concepts.types import FloatArray
@@ -394,6 +394,29 @@ def test_a_graph_that_cannot_be_solved_is_named_and_built_anew(
     assert poses[0] == pytest.approx(poses[1], abs=0.02)
 
 
+@pytest.mark.parametrize("part", [0.1, 0.5, 0.7, 0.85, 1.0])
+def test_a_factor_that_fails_at_any_moment_is_named_and_the_graph_built_anew(
+    part: float, detector: Detector
+) -> None:
+    calm, fickle = (
+        ConceptTracker(detector=detector, factor_types={"wall": "zone:fickle_factor"})
+        for _ in range(2)
+    )
+    for enter in keyframes_of(drive(1).graph)[:15]:
+        enter(calm)
+        enter(fickle)
+    Fickle.left = enough = 10_000
+    calm.optimize()
+    before = state(fickle)[1]
+    Fickle.left = round(part * (enough - Fickle.left)) - 1
+    with pytest.raises((ConceptError, OptimizationError), match=r"not any more$"):
+        fickle.optimize()
+    assert state(fickle)[1] == before
+    Fickle.left = enough
+    fickle.optimize()
+    assert state(fickle)[1] == state(calm)[1]
+
+
 def test_two_nodes_with_one_variable_are_refused(detector: Detector) -> None:
     one_key = Keys(node=lambda _concept, _i, _v: 77)
     tracker = ConceptTracker(detector=detector, keys=one_key)
@@ -422,12 +445,33 @@ def bad_calls(tracker: ConceptTracker) -> dict[str, Callable[[], object]]:
         ),
         r"pose = .* must have shape \[7\]": lambda: tracker.move({0: [1, 2, 3]}),
         r"id '0': must be an integer": lambda: tracker.move({"0": level}),  # type: ignore[dict-item]
+        "the values are not of this map: .*s0": lambda: tracker.follow(
+            held(Keys().surface(0), gtsam.Pose3())
+        ),
+        "the values are not of this map: .*x0": lambda: tracker.follow(
+            held(Keys().keyframe(0), gtsam.OrientedPlane3(1, 0, 0, 1))
+        ),
+        r"the values hold \[1.0, 0.0, 0.0, nan\] as the plane of wall surface 0": lambda: (
+            tracker.follow(held(Keys().surface(0), gtsam.OrientedPlane3(1, 0, 0, np.nan)))
+        ),
+        r"the values hold .* as the plane of wall surface 1: .* not level": lambda: tracker.follow(
+            held(Keys().surface(1), gtsam.OrientedPlane3(0, 0, 1, 2))
+        ),
+        r"keyframes\[0\].pose .* must be finite": lambda: tracker.follow(
+            held(Keys().keyframe(0), gtsam.Pose3(gtsam.Rot3(), np.array([np.nan, 0, 0])))
+        ),
         "concept 'roof' is not inferred": lambda: tracker.nodes("roof"),
         "2 indices are given for 0 factors": lambda: tracker.placed([1, 2]),
     }
 
 
-@pytest.mark.parametrize("number", range(9))
+def held(key: int, value: gtsam.Pose3 | gtsam.OrientedPlane3) -> gtsam.Values:
+    values = gtsam.Values()
+    values.insert(key, value)
+    return values
+
+
+@pytest.mark.parametrize("number", range(14))
 def test_bad_input_is_named_and_changes_nothing(number: int, detector: Detector) -> None:
     tracker = ConceptTracker(detector=detector)
     keyframes_of(drive(0).graph)[0](tracker)

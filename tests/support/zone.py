@@ -257,3 +257,27 @@ def sides_in_order(_edges: ScoredEdges, scene: Scene) -> list[Cluster]:
     row = {int(i): k for k, i in enumerate(scene.surfaces.ids)}
     pairs = [(k, row[i + 1]) for i, k in row.items() if i % 2 == 0 and i + 1 in row]
     return [Cluster((min(pair), max(pair)), 0.9) for pair in pairs]
+
+
+class Fickle:
+    """How often its factors may be evaluated before they fail, all together."""
+
+    left = 0
+
+
+def fickle_factor(node: ConceptNode, context: FactorContext) -> FactorResult:
+    """Return a factor that is fit for a graph, but fails in the end."""
+    key = context.new_key(0)
+
+    def residual(_factor: Any, _values: Any, jacobians: list[FloatArray] | None) -> FloatArray:
+        Fickle.left -= 1
+        if Fickle.left < 0:
+            raise ArithmeticError("not\nany more")
+        if jacobians is not None:
+            jacobians[0] = np.zeros((2, 3), order="F")
+            jacobians[1] = np.eye(2, order="F")
+        return np.zeros(2)
+
+    keys = [context.plane_keys[node.members[0]], key]
+    factor = gtsam.CustomFactor(UNIT, keys, residual)
+    return FactorResult([factor], [(key, gtsam.Point2(0, 0))])
