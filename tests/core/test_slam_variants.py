@@ -173,5 +173,5 @@ def test_corruption_spoils_every_fifth_room_and_wall(detector: Detector) -> None
 
 
 def test_weights_that_are_not_the_papers_are_named(detector: Detector) -> None:
-    with pytest.raises(WeightsError, match="^ours: is no training of the paper's network"):
+    with pytest.raises(WeightsError, match=r"^ours: is no training of the paper's network"):
         Detectors(detector, detector).require_papers(Path("ours"))
