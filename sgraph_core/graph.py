@@ -351,8 +351,12 @@ class SGraph:
     # -- derived graphs --------------------------------------------------------------------------
 
     def copy(self) -> Self:
-        """Return a copy that can be changed without changing this graph."""
-        return copy.deepcopy(self)
+        """Return a copy that can be changed without changing this graph.
+
+        Nodes are shared, since they do not change.
+        """
+        nodes = {id(node): node for some in self.concepts.values() for node in some}
+        return copy.deepcopy(self, nodes)
 
     def moved(self, poses: FloatArray, segments: FloatArray, normals: FloatArray) -> Self:
         """Return a copy with other keyframe poses [K, 7], segments [N, 2, 2] and normals [N, 2]."""

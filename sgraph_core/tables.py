@@ -122,10 +122,10 @@ class WallSurfaces:
 
     def ordered(self) -> SurfaceArrays:
         """Return the surfaces with their endpoints ordered by their normals."""
-        first, second = self.segments[:, 0], self.segments[:, 1]
-        tangents = np.stack([-self.normals[:, 1], self.normals[:, 0]], axis=1)
-        swap = ((second - first) * tangents).sum(axis=1) < 0
-        segments = np.where(swap[:, None, None], self.segments[:, ::-1], self.segments)
+        along = self.segments[:, 1] - self.segments[:, 0]
+        swap = self.normals[:, 0] * along[:, 1] < self.normals[:, 1] * along[:, 0]
+        segments = self.segments.copy()
+        segments[swap] = segments[swap, ::-1]
         return SurfaceArrays(self.ids, segments, self.normals)
 
 

@@ -261,6 +261,8 @@ class FactorContext:
         nodes: all nodes of the concept.
         new_key: key of the node's own variable of the given number, counted from 0.
         surfaces: all surfaces of the map that some keyframe observed, members or not.
+        memory: shared by all nodes that come with the same ``nodes`` and ``surfaces``: what follows
+            from these need not be computed for each node.
     """
 
     plane_keys: Mapping[int, int]
@@ -269,6 +271,7 @@ class FactorContext:
     nodes: Sequence[ConceptNode]
     new_key: Callable[[int], int]
     surfaces: SurfaceArrays = field(default_factory=_no_surfaces)
+    memory: Memory = field(default_factory=Memory)
 
 
 @dataclass(frozen=True)

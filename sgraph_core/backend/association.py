@@ -395,20 +395,26 @@ def _corrections(window: _Votes, drift: FloatArray) -> _Corrections:
     support = np.zeros((int(seeds.sum()), len(window.pairs)), bool)
     rows = np.arange(len(support))
     support[rows, one[seeds]] = support[rows, two[seeds]] = True
-    for _ in range(2):
+
+    def explained(support: NDArray[np.bool_]) -> tuple[FloatArray, NDArray[np.bool_]]:
         moves = _fit(design, target, support, drift)
-        likely = ((moves / drift) ** 2).sum(axis=1) <= chdtri(3, REJECTION)
-        moves = moves[likely]
-        left = target.ravel() - moves @ design.reshape(-1, 3).T
-        support = (left.reshape(len(moves), len(window.pairs), 2) ** 2).sum(axis=2) <= chdtri(
-            2, REJECTION
-        )
-        support &= _side_by_side(window, moves, centre)
+        moves = moves[((moves / drift) ** 2).sum(axis=1) <= chdtri(3, REJECTION)]
+        left = (target.ravel() - moves @ design.reshape(-1, 3).T) ** 2
+        close = left[:, ::2] + left[:, 1::2] <= chdtri(2, REJECTION)
+        return moves, close & _side_by_side(window, moves, centre)
+
+    moves, support = explained(_each_once(explained(support)[1]))
     _, group = np.unique(window.pairs[:, 1], return_inverse=True)
     spans = ((support.astype(np.float64) @ crossing > 0) & support).any(axis=1)
     spans &= _of_groups(support, group).sum(axis=1) >= FEWEST
     spans &= (support & ~window.held).any(axis=1)
     return _Corrections(moves[spans], support[spans])
+
+
+def _each_once(support: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the different ones of corrections' supports, in their order, [C, P]."""
+    _, first = np.unique(np.packbits(support, axis=1), axis=0, return_index=True)
+    return support[np.sort(first)]
 
 
 def _design(window: _Votes, centre: FloatArray) -> FloatArray:
@@ -435,11 +441,11 @@ def _fit(
 def _side_by_side(window: _Votes, moves: FloatArray, centre: FloatArray) -> NDArray[np.bool_]:
     """Return which pairs overlap once the newer surface is moved, [C, P]."""
     tangents = np.stack([-window.normals[:, 1], window.normals[:, 0]], axis=1)
-    older = dot(window.segments[:, 0], tangents[:, None])
+    ends = np.sort(dot(window.segments, tangents[:, None, None]), axis=2)
+    (old_low, old_high), (new_low, new_high) = ends.transpose(1, 2, 0)
     arms = window.segments[:, 1].mean(axis=1) - centre
     turned = np.stack([-arms[:, 1], arms[:, 0]], axis=1)
-    shift = moves[:, None, 1:] + moves[:, :1, None] * turned
-    newer = dot(window.segments[:, 1], tangents[:, None]) + dot(shift, tangents)[:, :, None]
-    low = np.maximum(older.min(axis=1), newer.min(axis=2))
-    high = np.minimum(older.max(axis=1), newer.max(axis=2))
-    return np.asarray(high - low >= LEAST_OVERLAP_M)
+    shifts = moves @ np.column_stack([dot(turned, tangents), tangents]).T
+    long = np.minimum(old_high - old_low, new_high - new_low) >= LEAST_OVERLAP_M
+    reaches = shifts >= old_low + LEAST_OVERLAP_M - new_high
+    return np.asarray(long & reaches & (shifts <= old_high - LEAST_OVERLAP_M - new_low))

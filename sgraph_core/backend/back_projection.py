@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import islice
 
 import gtsam
 import numpy as np
@@ -28,7 +29,7 @@ def moved(graph: SGraph, low: LowLayers, values: gtsam.Values, keys: Keys) -> SG
 
     A surface is carried along by the keyframes that observed it (mean of where each would take its
     endpoints), then put onto its plane, so that it also moves lengthwise. Centres, outlines and
-    thicknesses of nodes follow the planes of their members; see :func:`_followed`.
+    thicknesses of nodes follow the planes of their members; see :class:`_Members`.
     """
     poses = np.array(
         [pose_row(values.atPose3(keys.keyframe(i))) for i in graph.keyframes.ids.tolist()]
@@ -37,7 +38,7 @@ def moved(graph: SGraph, low: LowLayers, values: gtsam.Values, keys: Keys) -> SG
     result = graph.moved(poses, segments, normals)
     for name, nodes in graph.concepts.items():
         if graph.groups.get(name, WALL_SURFACE) == WALL_SURFACE:
-            result.concepts[name] = [_followed(node, graph, result) for node in nodes]
+            result.concepts[name] = _followed(nodes, graph, result)
     return result
 
 
@@ -103,74 +104,104 @@ def carried(
     return np.asarray(mean - off[..., None] * normals[:, None]), np.asarray(normals)
 
 
-def _followed(node: ConceptNode, before: SGraph, after: SGraph) -> ConceptNode:
-    """Return a node whose shape has moved with its members.
+def _followed(nodes: Sequence[ConceptNode], before: SGraph, after: SGraph) -> list[ConceptNode]:
+    """Return nodes whose shapes have moved with their members.
 
-    A point keeps its distances from the planes around it, by least squares: a corner of an outline
-    from the members near it, a centre from all members. The thickness between two members is
-    measured anew at the centre. Attributes stay: only a plugin knows what they mean.
+    Attributes stay: only a plugin knows what they mean.
     """
-    rows = np.array([before.surface_row(member) for member in node.members], np.int64)
-    follow = _Members(before, after, rows)
-    shape = node.shape
-    centre = None if shape.centre is None else follow.ring([shape.centre], np.inf)[0]
-    thickness = shape.thickness
-    if thickness is not None and centre is not None and len(node.members) == 2:
-        thickness = follow.thickness(np.array(centre))
-    return replace(
-        node,
-        shape=NodeShape(
-            centre,
-            None if shape.polygon is None else follow.ring(shape.polygon, NEAR_M),
-            tuple(follow.ring(hole, NEAR_M) for hole in shape.holes),
-            thickness,
-            shape.attributes,
-        ),
-    )
+    members = _Members(nodes, before, after)
+    points, of, reach = _points_of(nodes)
+    there = iter(zip(*members.take_along(points, of, reach).T.tolist(), strict=True))
+    result = []
+    for number, node in enumerate(nodes):
+        shape = node.shape
+        centre = None if shape.centre is None else next(there)
+        thickness = shape.thickness
+        if thickness is not None and centre is not None and len(node.members) == 2:
+            thickness = members.thickness(number, centre)
+        outer = None if shape.polygon is None else tuple(islice(there, len(shape.polygon)))
+        holes = tuple(tuple(islice(there, len(hole))) for hole in shape.holes)
+        moved = NodeShape(centre, outer, holes, thickness, shape.attributes)
+        result.append(replace(node, shape=moved))
+    return result
+
+
+def _points_of(nodes: Sequence[ConceptNode]) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Return the centre and the corners of each node in turn, and how they hang on the members.
+
+    Returns:
+        Points [P, 2], the numbers of their nodes [P], and how close a member must come to matter
+        [P]: any does for a centre.
+    """
+    points, of, reach = [], [], []
+    for number, node in enumerate(nodes):
+        centre = [] if node.shape.centre is None else [node.shape.centre]
+        corners = [
+            point for ring in (node.shape.polygon or (), *node.shape.holes) for point in ring
+        ]
+        points += [*centre, *corners]
+        of += [number] * (len(centre) + len(corners))
+        reach += [np.inf] * len(centre) + [NEAR_M] * len(corners)
+    return np.array(points).reshape(-1, 2), np.array(of, np.int64), np.array(reach)
 
 
 class _Members:
-    """The members of a node, before and after.
+    """The members of nodes, before and after.
+
+    A point of a node's shape keeps its distances from the planes around it, by least squares: a
+    corner of an outline from the members near it, a centre from all members. The thickness between
+    two members is measured anew at the centre.
 
     Args:
+        nodes: whose members; surfaces.
         before, after: the S-Graph.
-        rows: of the members' surfaces.
     """
 
-    def __init__(self, before: SGraph, after: SGraph, rows: IntArray) -> None:
+    def __init__(self, nodes: Sequence[ConceptNode], before: SGraph, after: SGraph) -> None:
+        self._counts = np.array([len(node.members) for node in nodes], np.int64)
+        self._starts = np.cumsum(self._counts) - self._counts
+        rows = [before.surface_row(member) for node in nodes for member in node.members]
         self._segments = before.wall_surfaces.segments[rows]
         self._normals = before.wall_surfaces.normals[rows]
-        self._new_segments = after.wall_surfaces.segments[rows]
         self._new_normals = after.wall_surfaces.normals[rows]
-        self._mean = (self._new_segments - self._segments).mean(axis=(0, 1))
+        self._middles = self._segments.mean(axis=1)
+        self._new_middles = after.wall_surfaces.segments[rows].mean(axis=1)
 
-    def ring(
-        self, points: Sequence[tuple[float, float]], near_m: float
-    ) -> tuple[tuple[float, float], ...]:
-        """Return points moved with the members that come this close to them."""
-        old = np.array(points)
-        near = _distances(self._segments, old) <= near_m
-        left = np.where(near, self._approach(old), 0.0)
-        outer = self._new_normals[:, :, None] * self._new_normals[:, None]
-        weights = np.einsum("vm,mij->vij", near.astype(np.float64), outer) + STAY * np.eye(2)
-        shift = np.linalg.solve(weights, (left @ self._new_normals)[:, :, None])[:, :, 0]
-        return tuple((x, y) for x, y in (old + self._mean - shift).tolist())
+    def take_along(self, points: FloatArray, of: IntArray, reach: FloatArray) -> FloatArray:
+        """Return where points [P, 2] of nodes [P] go with the members that come this close [P]."""
+        counts = self._counts[of]
+        point = np.repeat(np.arange(len(points)), counts)
+        first = np.cumsum(counts) - counts
+        member = np.arange(len(point)) - (first - self._starts[of])[point]
+        mean = _summed(point, self._new_middles[member] - self._middles[member], len(points))
+        taken = points + mean / counts[:, None]
+        normals = self._new_normals[member]
+        before = dot(points[point] - self._middles[member], self._normals[member])
+        after = dot(taken[point] - self._new_middles[member], normals)
+        near = _distances(self._segments[member], points[point]) <= reach[point]
+        left = np.where(near, after - before, 0.0)
+        outer = normals[:, :, None] * normals[:, None] * near[:, None, None]
+        weights = _summed(point, outer.reshape(-1, 4), len(points)).reshape(-1, 2, 2)
+        right = _summed(point, left[:, None] * normals, len(points))
+        shift = np.linalg.solve(weights + STAY * np.eye(2), right[:, :, None])[:, :, 0]
+        return np.asarray(taken - shift)
 
-    def thickness(self, point: FloatArray) -> float:
-        """Return how far the members' planes lie behind a point between them, together."""
-        in_front = dot(point - self._new_segments.mean(axis=1), self._new_normals)
+    def thickness(self, node: int, point: tuple[float, float]) -> float:
+        """Return how far the planes of a node's members lie behind a point, together."""
+        rows = slice(self._starts[node], self._starts[node] + self._counts[node])
+        in_front = dot(np.array(point) - self._new_middles[rows], self._new_normals[rows])
         return max(float(-in_front.sum()), 0.0)
 
-    def _approach(self, points: FloatArray) -> FloatArray:
-        """Return how much points [V, 2], moved with the mean, come before each plane, [V, M]."""
-        before = points[:, None] - self._segments.mean(axis=1)
-        after = points[:, None] + self._mean - self._new_segments.mean(axis=1)
-        return dot(after, self._new_normals) - dot(before, self._normals)
+
+def _summed(groups: IntArray, values: FloatArray, count: int) -> FloatArray:
+    """Return the sums of values [Q, C] over groups [Q], [count, C]."""
+    columns = [np.bincount(groups, column, minlength=count) for column in values.T]
+    return np.stack(columns, axis=1)
 
 
 def _distances(segments: FloatArray, points: FloatArray) -> FloatArray:
-    """Return the distances of points [V, 2] from segments, [V, M]."""
+    """Return the distances of points from segments, pair by pair, [Q]."""
     along = segments[:, 1] - segments[:, 0]
-    offset = points[:, None] - segments[:, 0]
+    offset = points - segments[:, 0]
     share = np.clip(dot(offset, along) / dot(along, along), 0, 1)
-    return np.asarray(np.linalg.norm(offset - share[:, :, None] * along, axis=2))
+    return np.asarray(np.linalg.norm(offset - share[:, None] * along, axis=1))

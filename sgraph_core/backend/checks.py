@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import gtsam
 import numpy as np
 
 from sgraph_concepts.errors import ConceptError, one_line
-from sgraph_concepts.types import FactorResult
+from sgraph_concepts.types import FactorResult, FloatArray
 
 __all__ = ["check_factors"]
 
 
 def check_factors(
-    what: str, result: FactorResult, planes: gtsam.Values, others: gtsam.Values
+    what: str, result: FactorResult, planes: Mapping[int, FloatArray], others: gtsam.Values
 ) -> None:
     """Check the factors that a plugin returned for one node.
 
@@ -22,7 +24,7 @@ def check_factors(
     Args:
         what: named in the error.
         result: the node's factors and variables.
-        planes: the variables that the factors may use besides their own.
+        planes: the variables that the factors may use besides their own: nx, ny, nz, d by key.
         others: variables of other nodes.
 
     Raises:
@@ -31,7 +33,7 @@ def check_factors(
     """
     own = gtsam.Values()
     for key, value in result.values:
-        if own.exists(key) or others.exists(key) or planes.exists(key):
+        if own.exists(key) or others.exists(key) or key in planes:
             raise ConceptError(f"{what}: the key {gtsam.DefaultKeyFormatter(key)} is taken")
         try:
             own.insert(key, value)
@@ -44,18 +46,22 @@ def check_factors(
 
 
 def _check(
-    what: str, factor: gtsam.NonlinearFactor, own: gtsam.Values, planes: gtsam.Values
+    what: str,
+    factor: gtsam.NonlinearFactor,
+    own: gtsam.Values,
+    planes: Mapping[int, FloatArray],
 ) -> None:
-    for key in factor.keys():  # noqa: SIM118  (a gtsam factor is no mapping)
-        if not own.exists(key) and not planes.exists(key):
+    keys = factor.keys()
+    for key in keys:
+        if key not in planes and not own.exists(key):
             name = gtsam.DefaultKeyFormatter(key)
             raise ConceptError(f"{what}: {name} is neither a member's plane nor the node's own")
     _check_noise(what, factor)
     if not isinstance(factor, gtsam.CustomFactor):
         return
-    keys = factor.keys()
     point = own.extract([key for key in keys if own.exists(key)])
-    point.insert(planes.extract([key for key in keys if not own.exists(key)]))
+    for key in set(keys) & planes.keys():
+        point.insert(key, gtsam.OrientedPlane3(*planes[key]))
     try:
         jacobian, error = factor.linearize(point).jacobian()
     except Exception as problem:  # a third party's code may raise anything
@@ -71,8 +77,12 @@ def _check(
 
 def _check_noise(what: str, factor: gtsam.NonlinearFactor) -> None:
     model = factor.noiseModel() if isinstance(factor, gtsam.NoiseModelFactor) else None
-    if not isinstance(model, gtsam.noiseModel.Gaussian):
+    if isinstance(model, gtsam.noiseModel.Diagonal):
+        definite = all(0 < sigma < np.inf for sigma in model.sigmas().tolist())
+    elif isinstance(model, gtsam.noiseModel.Gaussian):
+        root = model.R()
+        definite = bool(np.isfinite(root).all() and (np.diag(root) > 0).all())
+    else:
         return
-    root = model.R()
-    if not np.isfinite(root).all() or (np.diag(root) <= 0).any():
+    if not definite:
         raise ConceptError(f"{what}: its covariance is not positive definite")

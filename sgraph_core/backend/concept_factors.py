@@ -12,7 +12,7 @@ import numpy as np
 from sgraph_concepts.errors import ConceptError, one_line
 from sgraph_concepts.registry import Registry
 from sgraph_concepts.spec import WALL_SURFACE
-from sgraph_concepts.types import ConceptNode, FactorContext, FactorResult
+from sgraph_concepts.types import ConceptNode, FactorContext, FactorResult, Memory
 from sgraph_core.backend.association import TIE_SIGMAS, Proposal, Same, associate
 from sgraph_core.backend.checks import check_factors
 from sgraph_core.backend.coincidence import coincidence
@@ -30,7 +30,7 @@ __all__ = [
     "concept_factors",
     "made_by",
     "propose",
-    "tie",
+    "ties",
     "with_ties",
 ]
 
@@ -110,13 +110,16 @@ def concept_factors(
     check_nodes(graph.concepts, set(graph.wall_surfaces.ids.tolist()))
     keys, registry = keys or Keys(), registry if registry is not None else installed()
     collected = _Collected(gtsam.NonlinearFactorGraph(), gtsam.Values(), [], [])
-    planes = _plane_values(graph, keys)
+    surfaces = np.unique(graph.observations.surface_ids).tolist()
+    of_surface = world_planes(graph)
+    planes = {keys.surface(i): of_surface[graph.surface_row(i)] for i in surfaces}
     for name, node, result in _results(graph, keys, factor_types or {}, registry):
         check_factors(f"factor of {name} {node.id}", result, planes, collected.values)
         collected.add(name, node.id, (), result)
         collected.proposals.append(Proposal(name, node.id, result.same))
-    for pair in associate(graph, collected.proposals).same if same is None else same:
-        collected.add(pair.concept, pair.node, pair.pair, tie(pair, graph, keys))
+    if same is None:
+        same = associate(graph, collected.proposals).same
+    collected.tie(same, graph, keys)
     return collected.done()
 
 
@@ -130,8 +133,7 @@ def with_ties(
         list(concepts.groups),
         list(concepts.proposals),
     )
-    for pair in same:
-        collected.add(pair.concept, pair.node, pair.pair, tie(pair, graph, keys))
+    collected.tie(same, graph, keys)
     return collected.done()
 
 
@@ -163,33 +165,32 @@ class _Collected:
             indices = tuple(range(first, self.graph.size()))
             self.groups.append(FactorGroup(concept, node, surfaces, indices))
 
+    def tie(self, same: Sequence[Same], graph: SGraph, keys: Keys) -> None:
+        for pair, result in zip(same, ties(same, graph, keys), strict=True):
+            self.add(pair.concept, pair.node, pair.pair, result)
+
     def done(self) -> ConceptFactors:
         return ConceptFactors(self.graph, self.values, self.groups, self.proposals)
 
 
-def tie(same: Same, graph: SGraph, keys: Keys) -> FactorResult:
-    """Return what ties two surfaces of an S-Graph that are one."""
+def ties(same: Sequence[Same], graph: SGraph, keys: Keys) -> list[FactorResult]:
+    """Return what ties each two surfaces of an S-Graph that are one."""
     surfaces = graph.wall_surfaces.ordered()
-    one, two = (np.array([graph.surface_row(i)]) for i in same.pair)
-    lie = coincidence(surfaces, one, two)
-    normal = surfaces.normals[one[0]]
-    return tie_planes(
-        (keys.surface(same.pair[0]), keys.surface(same.pair[1])),
-        keys.tie(*same.pair),
-        lie.points[0] + lie.gaps[0] / 2 * normal,
-        normal,
-        None,
-        TieNoise(*TIE_SIGMAS),
-    )
-
-
-def _plane_values(graph: SGraph, keys: Keys) -> gtsam.Values:
-    values, planes = gtsam.Values(), world_planes(graph)
-    for surface in sorted(set(graph.observations.surface_ids.tolist())):
-        values.insert(
-            keys.surface(surface), gtsam.OrientedPlane3(*planes[graph.surface_row(surface)])
+    rows = [[graph.surface_row(i) for i in pair.pair] for pair in same]
+    one, two = np.array(rows, np.int64).reshape(-1, 2).T
+    lie, normals = coincidence(surfaces, one, two), surfaces.normals[one]
+    centres = lie.points + lie.gaps[:, None] / 2 * normals
+    return [
+        tie_planes(
+            (keys.surface(pair.pair[0]), keys.surface(pair.pair[1])),
+            keys.tie(*pair.pair),
+            centre,
+            normal,
+            None,
+            TieNoise(*TIE_SIGMAS),
         )
-    return values
+        for pair, centre, normal in zip(same, centres, normals, strict=True)
+    ]
 
 
 def _results(
@@ -208,7 +209,7 @@ def _results(
         reference = factor_types.get(name, spec.factor)
         if reference in (None, NO_FACTOR) or spec.groups != WALL_SURFACE or not nodes:
             continue
-        make = registry.part(name, "factor", reference)
+        make, memory = registry.part(name, "factor", reference), Memory()
         for node in nodes:
             members = [member for member in node.members if member in observed]
             context = FactorContext(
@@ -218,6 +219,7 @@ def _results(
                 nodes,
                 partial(keys.node, name, node.id),
                 surfaces,
+                memory,
             )
             yield name, node, made_by(make, name, node, context)
 

@@ -88,12 +88,11 @@ def optimize(
     values, iterations = solve(low.graph, low.values)
     current = moved(graph, low, values, keys)
     concepts = concept_factors(current, keys, factor_types, registry, same=())
-    found = Association()
-    refusals: Sequence[Refusal] = ()
-    proposals = concepts.proposals
+    found, refusals = Association(), list[Refusal]()
+    factors, proposals = low.graph, concepts.proposals
     for _ in range(MOST_ROUNDS):
         new = associate(current, proposals, found)
-        if found.same and not new.same:
+        if not new.same and (found.same or not concepts.groups):
             break
         found = found.with_(new)
         concepts = with_ties(concepts, new.same, current, keys)
@@ -106,7 +105,8 @@ def optimize(
             doubted = _still_doubted(graph, doubted, solution.values, keys)
             low = low_layers(graph, keys, doubted)
             solution = solve_robustly(low, concepts, solution.values, keys, solution.refusals)
-        values, refusals = solution.values, solution.refusals
+        factors, values = solution.factors, solution.values
+        refusals = list(solution.refusals)
         iterations += solution.iterations
         current = moved(graph, low, values, keys)
         if not new.same:
@@ -116,8 +116,8 @@ def optimize(
         current,
         values,
         initial,
-        error_of(solution.factors, values),
-        solution.factors.size(),
+        error_of(factors, values),
+        factors.size(),
         iterations,
         found,
         refusals,

@@ -22,6 +22,9 @@ FREE_SIGMA = 1e3
 """Of the anchor's observable degrees of freedom: no information to speak of."""
 HELD_SIGMA = 1.0
 """Of its unobservable ones; whatever they do, no plane notices."""
+WEAK = gtsam.noiseModel.Diagonal.Sigmas(
+    np.array([HELD_SIGMA, FREE_SIGMA, FREE_SIGMA, FREE_SIGMA, HELD_SIGMA, HELD_SIGMA])
+)
 
 
 @dataclass(frozen=True)
@@ -59,15 +62,12 @@ def tie_planes(
     # each of the two observations carries half of the tie's variance
     share = np.array([noise.angle_rad, noise.angle_rad, noise.distance_m]) / np.sqrt(2)
     model = gtsam.noiseModel.Diagonal.Sigmas(share)
-    weak = gtsam.noiseModel.Diagonal.Sigmas(
-        np.array([HELD_SIGMA, FREE_SIGMA, FREE_SIGMA, FREE_SIGMA, HELD_SIGMA, HELD_SIGMA])
-    )
     first, second = plane_keys
     return FactorResult(
         factors=[
             gtsam.OrientedPlane3Factor(np.array([1.0, 0, 0, -half]), model, anchor_key, first),
             gtsam.OrientedPlane3Factor(np.array([side, 0, 0, -half]), model, anchor_key, second),
-            gtsam.PriorFactorPose3(anchor_key, anchor, weak),
+            gtsam.PriorFactorPose3(anchor_key, anchor, WEAK),
         ],
         values=[(anchor_key, anchor)],
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from sgraph_core.graph import SGraph
@@ -48,10 +50,10 @@ class Visits:
 
     def visits(self, surface: int) -> list[tuple[int, int]]:
         """Return the first and the last keyframe of each visit to a surface."""
-        rows = np.array(self._seen[surface])
-        cuts = np.flatnonzero(np.diff(rows) > AWAY)
-        starts, ends = rows[np.append(0, cuts + 1)], rows[np.append(cuts, len(rows) - 1)]
-        return list(zip(starts.tolist(), ends.tolist(), strict=True))
+        rows = self._seen[surface]
+        gaps = [(last, first) for last, first in pairwise(rows) if first - last > AWAY]
+        starts, ends = [first for _, first in gaps], [last for last, _ in gaps]
+        return list(zip([rows[0], *starts], [*ends, rows[-1]], strict=True))
 
     def way(self, first: int, last: int) -> float:
         """Return how far the robot went from one keyframe to another, in metres."""

@@ -10,6 +10,8 @@ from __future__ import annotations
 import heapq
 from collections.abc import Sequence
 
+import numpy as np
+
 from sgraph_concepts.types import FloatArray, IntArray
 
 __all__ = ["multicut"]
@@ -28,6 +30,9 @@ def multicut(count: int, pairs: IntArray, weights: FloatArray) -> list[list[int]
     Returns:
         The sets, each ascending, by their smallest number.
     """
+    parts = _parts(count, pairs[weights > 0])
+    inside = parts[pairs[:, 0]] == parts[pairs[:, 1]]  # no contraction joins two parts
+    pairs, weights = pairs[inside], weights[inside]
     neighbours: list[dict[int, float]] = [{} for _ in range(count)]
     for (one, two), weight in zip(pairs.tolist(), weights.tolist(), strict=True):
         neighbours[one][two] = neighbours[two][one] = weight
@@ -50,6 +55,20 @@ def multicut(count: int, pairs: IntArray, weights: FloatArray) -> list[list[int]
         members[one] += members[two]
         members[two] = []
     return _sorted_sets(members)
+
+
+def _parts(count: int, pairs: IntArray) -> IntArray:
+    """Return a number for each of the numbers, equal for those that pairs link, directly or not."""
+    above = list(range(count))
+
+    def top(number: int) -> int:
+        while above[number] != number:
+            above[number] = number = above[above[number]]
+        return number
+
+    for one, two in pairs.tolist():
+        above[top(one)] = top(two)
+    return np.array([top(number) for number in range(count)], np.int64)
 
 
 def _contract(

@@ -9,7 +9,14 @@ import gtsam
 import numpy as np
 
 from sgraph_concepts.registry import RegisteredConcept, Registry
-from sgraph_concepts.types import ConceptNode, FactorContext, FactorResult, SurfaceArrays
+from sgraph_concepts.types import (
+    ConceptNode,
+    FactorContext,
+    FactorResult,
+    FloatArray,
+    Memory,
+    SurfaceArrays,
+)
 from sgraph_core.backend.checks import check_factors
 from sgraph_core.backend.concept_factors import NO_FACTOR, made_by
 from sgraph_core.backend.keys import Keys
@@ -62,6 +69,7 @@ class FactorMakers:
         nodes: Sequence[ConceptNode],
         observed: SurfaceArrays,
         rows: Mapping[int, int],
+        memory: Memory,
     ) -> FactorResult:
         """Return the checked factors of a node.
 
@@ -71,6 +79,7 @@ class FactorMakers:
             nodes: all nodes of the concept.
             observed: the surfaces that some keyframe observed.
             rows: theirs, by id.
+            memory: of what the functions compute once for all of these nodes.
 
         Raises:
             ConceptError: the factor function fails, or its factors are not fit for a graph.
@@ -86,14 +95,12 @@ class FactorMakers:
             nodes,
             partial(self._keys.node, concept, node.id),
             observed,
+            memory,
         )
         result = made_by(self._makers[concept], concept, node, context)
         check_factors(f"factor of {concept} {node.id}", result, _planes(context), gtsam.Values())
         return result
 
 
-def _planes(context: FactorContext) -> gtsam.Values:
-    values = gtsam.Values()
-    for member, key in context.plane_keys.items():
-        values.insert(key, gtsam.OrientedPlane3(*context.planes[member]))
-    return values
+def _planes(context: FactorContext) -> dict[int, FloatArray]:
+    return {key: context.planes[member] for member, key in context.plane_keys.items()}

@@ -59,9 +59,10 @@ class LiveNodes:
 
     def after(self, changes: NodeChanges) -> list[ConceptNode]:
         """Return all nodes as they will be after some changes."""
-        gone = {node.id for node in changes.removed}
         now = self.by_id | {node.id: node for node in (*changes.changed, *changes.added)}
-        return [node for node in now.values() if node.id not in gone]
+        for node in changes.removed:
+            del now[node.id]
+        return list(now.values())
 
     def having(self, member: int) -> list[ConceptNode]:
         """Return the nodes that have a member."""

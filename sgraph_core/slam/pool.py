@@ -97,13 +97,14 @@ def meeting(
     if not len(targets):
         return np.empty(0, np.int64)
     (left, bottom), (right, top) = targets[:, :2].min(axis=0), targets[:, 2:].max(axis=0)
-    meets = among & (boxes[:, 0] - margins <= right) & (boxes[:, 2] + margins >= left)
-    meets &= (boxes[:, 1] - margins <= top) & (boxes[:, 3] + margins >= bottom)
+    # all boxes are compared along one axis only: this is what grows with the map
+    meets = among & (boxes[:, 0] <= right + margins) & (boxes[:, 2] >= left - margins)
     near = np.flatnonzero(meets)
+    wide = boxes[near] + np.broadcast_to(margins, len(boxes))[near, None] * OUTWARDS
+    level = (wide[:, 1] <= top) & (wide[:, 3] >= bottom)
+    near, wide = near[level], wide[level]
     if len(targets) == 1:
         return near
-    own = np.broadcast_to(margins, len(boxes))[near]
-    wide = boxes[near] + own[:, None] * OUTWARDS
     tree = shapely.STRtree(np.asarray(shapely.box(*targets.T)))
     asking, _ = tree.query(np.asarray(shapely.box(*wide.T)))
     return np.asarray(near[np.unique(asking)])
@@ -122,6 +123,6 @@ def boxes_around(segments: FloatArray) -> FloatArray:
 def rows_where(size: int, *numbers: IntArray) -> IntArray:
     """Return the row numbers below ``size`` that are in any of the arrays, ascending, each once."""
     present = np.zeros(size, bool)
-    for some in numbers:
-        present[some] = True
+    if numbers:
+        present[np.concatenate(numbers)] = True
     return np.flatnonzero(present)

@@ -13,9 +13,14 @@ from numpy.typing import ArrayLike
 
 from sgraph_concepts.errors import ConceptError, InputError, OptimizationError
 from sgraph_concepts.spec import WALL_SURFACE
-from sgraph_concepts.types import ConceptNode, FactorResult, FloatArray, SurfaceArrays
-from sgraph_core.backend.association import Association, Proposal, Same, associate
-from sgraph_core.backend.concept_factors import tie
+from sgraph_concepts.types import (
+    ConceptNode,
+    FactorResult,
+    FloatArray,
+    Memory,
+    SurfaceArrays,
+)
+from sgraph_core.backend.association import Same
 from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.robust import Refusal
 from sgraph_core.detector import Detector
@@ -30,7 +35,9 @@ from sgraph_core.slam.inference import LiveInference, Work
 from sgraph_core.slam.misfits import Misfits
 from sgraph_core.slam.nodes import LiveNodes, NodeChanges
 from sgraph_core.slam.pins import PairPins
+from sgraph_core.slam.pool import Pool
 from sgraph_core.slam.smoother import Smoother
+from sgraph_core.slam.ties import tied_anew
 from sgraph_core.slam.update import Update, update_of
 
 __all__ = ["ConceptTracker"]
@@ -110,9 +117,10 @@ class ConceptTracker:
         self._mapped: dict[int, Mapped] = {}
         self._origin: FloatArray | None = None
         self._pending: set[int] = set(self._graph.wall_surfaces.ids.tolist())
-        ids = np.unique(self._graph.observations.surface_ids).tolist()
-        self._observed = {i: place for place, i in enumerate(ids)}
-        self._observed_rows = [self._graph.surface_row(i) for i in ids]
+        self._observed: dict[int, int] = {}
+        self._observed_rows = Pool(row=np.empty(0, np.int64))
+        for surface in np.unique(self._graph.observations.surface_ids).tolist():
+            self._count_observed(surface)
         self._newly_observed: set[int] = set()
         self._unmade = False
         self._proposals: dict[Owner, Sequence[tuple[int, int]]] = {}
@@ -140,7 +148,7 @@ class ConceptTracker:
         with self._lock:
             graph = self._graph.copy()
             if graph.pins is not None:
-                graph.pins = self._pins_between_mapped()
+                graph.pins = between_mapped(graph.pins, graph.wall_surfaces.ids.tolist())
             for concept in self._concepts:
                 name, groups = concept.spec.name, concept.spec.groups
                 graph.concepts[name] = self.nodes(name)
@@ -219,8 +227,7 @@ class ConceptTracker:
         with self._lock:
             self._graph.observe(surface_id, keyframe_id, plane, sigmas)
             if surface_id not in self._observed:
-                self._observed[surface_id] = len(self._observed)
-                self._observed_rows.append(self._graph.surface_row(surface_id))
+                self._count_observed(surface_id)
                 self._newly_observed.add(surface_id)
 
     def move(
@@ -312,24 +319,13 @@ class ConceptTracker:
         """
         with self._lock:
             self._ledger.require_placed()
-            proposals = [
-                Proposal(owner[0], owner[1], pairs) for owner, pairs in self._proposals.items()
-            ]
-            proposed = {frozenset(pair) for proposal in proposals for pair in proposal.pairs}
-            same = [pair for pair in self._ties.values() if frozenset(pair.pair) in proposed]
-            new = associate(self._graph, proposals, Association(same)).same
-            ties: dict[Owner, Same] = {("same", *pair.pair): pair for pair in (*same, *new)}
-            made = [
-                (owner, tie(pair, self._graph, self._keys))
-                for owner, pair in ties.items()
-                if owner not in self._ties and owner not in self._off
-            ]
-            handout = self._ledger.prepare(self._ties.keys() - ties.keys(), made)
+            tied, made = tied_anew(self._graph, self._keys, self._proposals, self._ties, self._off)
+            handout = self._ledger.prepare(self._ties.keys() - tied.keys(), made)
             self._ledger.commit(handout)
-            self._misfits.take(handout, ties)
+            self._misfits.take(handout, tied)
             for owner in handout.gone:
                 self._off.pop(owner, None)
-            self._ties = ties
+            self._ties = tied
             update = update_of(handout, {}, [], Work())
             if self._smoother is not None:
                 update = replace(update, refusals=self._take(self._smoother, update))
@@ -395,7 +391,8 @@ class ConceptTracker:
         surfaces = self._ordered(sorted(self._pending), self._mapped if anew else {})
         live = self._live or self._begin(surfaces)
         self._live = None  # kept only if all goes well
-        concerned, work = live.update(surfaces, PairPins(self._pins_between_mapped()))
+        pins = between_mapped(self.pins, self._graph.wall_surfaces.ids.tolist())
+        concerned, work = live.update(surfaces, PairPins(pins))
         changes = self._changes(live, concerned, anew)
         found = self._misfits.verdict.found
         off = self._off | {self._subject(owner): refusal for owner, refusal in found.items()}
@@ -429,12 +426,6 @@ class ConceptTracker:
         if owner in self._ties:
             return owner
         return owner[0], frozenset(self._nodes[owner[0]].by_id[owner[1]].members)
-
-    def _pins_between_mapped(self) -> Pins:
-        pins = self.pins
-        if not (pins.same_room or pins.not_same_room):
-            return pins
-        return between_mapped(pins, set(self._graph.wall_surfaces.ids.tolist()))
 
     def _begin(self, surfaces: SurfaceArrays) -> LiveInference:
         if self._origin is None and len(surfaces):
@@ -471,7 +462,7 @@ class ConceptTracker:
             (name, node.id) for name, change in changes.items() for node in change.removed
         ]
         made: list[tuple[Owner, FactorResult]] = []
-        rows = np.array(self._observed_rows, np.int64)
+        rows = self._observed_rows["row"]
         surfaces = self._graph.wall_surfaces.take(rows).ordered()
         for name in self._makers.concepts:
             change, nodes = changes[name], self._nodes[name]
@@ -479,13 +470,18 @@ class ConceptTracker:
             wanted = {node.id for node in (*change.added, *change.changed)}
             for surface in self._newly_observed:
                 wanted |= {node.id for node in nodes.having(surface)}
+            memory = Memory()
             for node in after:
                 if node.id in wanted or self._unmade:
-                    result = self._makers.make(name, node, after, surfaces, self._observed)
+                    result = self._makers.make(name, node, after, surfaces, self._observed, memory)
                     if (name, frozenset(node.members)) in off:
                         result = FactorResult(same=result.same)
                     made.append(((name, node.id), result))
         return gone, made
+
+    def _count_observed(self, surface: int) -> None:
+        self._observed[surface] = len(self._observed)
+        self._observed_rows.add(1, row=np.array([self._graph.surface_row(surface)]))
 
     def _ordered(
         self, ids: Sequence[int], known: Mapping[int, Mapped] | None = None

@@ -11,6 +11,7 @@ import pytest
 from drive import drive
 from tracked import keyframes_of
 
+import sgraph_core.slam.ties
 import sgraph_core.slam.tracker
 from sgraph_core.backend import Keys, low_layers, optimize
 from sgraph_core.backend.association import Association, Same
@@ -187,7 +188,7 @@ def test_a_tie_that_contradicts_the_map_leaves_and_is_not_made_again(
     tracker = ConceptTracker(four_walls(), Detector(scorer="baseline"))
     tracker.optimize()
     where = tracker.snapshot().wall_surfaces.segments
-    monkeypatch.setattr(sgraph_core.slam.tracker, "associate", lambda *_: Association([wrong]))
+    monkeypatch.setattr(sgraph_core.slam.ties, "associate", lambda *_: Association([wrong]))
     monkeypatch.setattr(tracker, "_proposals", {("room", 0): [wrong.pair]})
     update = tracker.associate()
     assert update.factors.size() == 3
@@ -198,7 +199,7 @@ def test_a_tie_that_contradicts_the_map_leaves_and_is_not_made_again(
     again = tracker.associate()
     assert (again.factors.size(), again.remove, again.refusals) == (0, [], [])
     monkeypatch.setattr(tracker, "_proposals", {})
-    monkeypatch.setattr(sgraph_core.slam.tracker, "associate", lambda *_: Association())
+    monkeypatch.setattr(sgraph_core.slam.ties, "associate", lambda *_: Association())
     tracker.associate()
     assert tracker.refusals == [], "nobody takes them for one any more"
 

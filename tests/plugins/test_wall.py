@@ -13,7 +13,7 @@ from sgraph_core.graph import SGraph
 from sgraph_core.proximity import build_scene
 from sgraph_plugins.wall.baseline import score
 from sgraph_plugins.wall.cluster import cluster
-from sgraph_plugins.wall.factor import FREE_SIGMA_M, typical_thickness
+from sgraph_plugins.wall.factor import FREE_SIGMA_M, known_thicknesses, typical_thickness
 from sgraph_plugins.wall.geometry import back_to_back
 from sgraph_plugins.wall.shape import shape
 
@@ -120,12 +120,12 @@ def walls(*thicknesses: float) -> list[ConceptNode]:
 
 
 def test_walls_built_alike_share_their_thickness() -> None:
-    group = walls(0.14, 0.15, 0.16, 0.15, 0.4)
-    thickness, sigma = typical_thickness(group[0], group)
+    known = known_thicknesses(walls(0.16, 0.15, 0.4, 0.15, 0.14))
+    thickness, sigma = typical_thickness(0.14, known)
     assert thickness == pytest.approx(0.15)
     assert sigma == pytest.approx(0.015)
 
 
 def test_a_wall_like_no_other_is_left_its_thickness() -> None:
-    group = walls(0.14, 0.15, 0.16, 0.15, 0.4)
-    assert typical_thickness(group[4], group) == (0.4, FREE_SIGMA_M)
+    known = known_thicknesses(walls(0.14, 0.15, 0.16, 0.15, 0.4))
+    assert typical_thickness(0.4, known) == (0.4, FREE_SIGMA_M)

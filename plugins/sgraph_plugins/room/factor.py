@@ -7,10 +7,18 @@ lets all proposed pairs vote.
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
+from dataclasses import dataclass
+from functools import partial
 
-from sgraph_concepts.types import ConceptNode, FactorContext, FactorResult, IntArray, SurfaceArrays
+import numpy as np
+
+from sgraph_concepts.types import (
+    ConceptNode,
+    FactorContext,
+    FactorResult,
+    FloatArray,
+    IntArray,
+)
 from sgraph_core.backend.coincidence import coincidence
 
 __all__ = ["factors"]
@@ -20,26 +28,41 @@ FARTHEST_M = 3.0
 """Beyond this distance a surface that faces the same way may well be another room's."""
 
 
+@dataclass(frozen=True, eq=False)
+class _Boxes:
+    """The boxes around N surfaces.
+
+    Attributes:
+        low, high: their corners, [2, N].
+    """
+
+    low: FloatArray
+    high: FloatArray
+
+    @classmethod
+    def around(cls, segments: FloatArray) -> _Boxes:
+        one, two = np.ascontiguousarray(segments.transpose(1, 2, 0))
+        return cls(np.minimum(one, two), np.maximum(one, two))
+
+    def near(self, segments: FloatArray) -> IntArray:
+        """Return which boxes come close to the box around some segments."""
+        left, bottom = segments.min(axis=(0, 1)) - FARTHEST_M
+        right, top = segments.max(axis=(0, 1)) + FARTHEST_M
+        beside = (self.high[0] >= left) & (self.low[0] <= right)
+        return np.flatnonzero(beside & (self.high[1] >= bottom) & (self.low[1] <= top))
+
+
 def factors(node: ConceptNode, context: FactorContext) -> FactorResult:
     """Return the pairs of surfaces that may be one surface of this room seen twice."""
-    surfaces = context.surfaces
-    mine = np.flatnonzero(np.isin(surfaces.ids, node.members))
-    if not len(mine):
+    if not context.segments:
         return FactorResult()
-    near = np.flatnonzero(_near(surfaces, mine))
-    one, two = (grid.ravel() for grid in np.meshgrid(mine, near, indexing="ij"))
-    once = ~np.isin(two, mine) | (one < two)  # two members would come in both orders
-    one, two = one[once], two[once]
-    lie = coincidence(surfaces, one, two)
+    boxes = context.memory.recall("boxes", partial(_Boxes.around, context.surfaces.segments))
+    surfaces = context.surfaces.take(boxes.near(np.array(list(context.segments.values()))))
+    mine = np.flatnonzero(np.isin(surfaces.ids, list(context.segments)))
+    alike = surfaces.normals[mine] @ surfaces.normals.T >= np.cos(SAME_ANGLE_RAD)
+    alike[:, mine] &= mine[:, None] < mine  # two members would come in both orders
+    which, two = np.nonzero(alike)
+    lie = coincidence(surfaces, mine[which], two)
     twice = (lie.overlaps >= -FARTHEST_M) & (np.abs(lie.gaps) <= FARTHEST_M)
-    twice &= np.abs(lie.angles) <= SAME_ANGLE_RAD
-    pairs = surfaces.ids[np.stack([one[twice], two[twice]], axis=1)]
+    pairs = surfaces.ids[np.stack([mine[which], two], axis=1)[twice]]
     return FactorResult(same=[(first, second) for first, second in pairs.tolist()])
-
-
-def _near(surfaces: SurfaceArrays, mine: IntArray) -> NDArray[np.bool_]:
-    """Return which surfaces reach into the box around the room's own."""
-    low = surfaces.segments[mine].min(axis=(0, 1)) - FARTHEST_M
-    high = surfaces.segments[mine].max(axis=(0, 1)) + FARTHEST_M
-    ends = surfaces.segments
-    return np.asarray(((ends.max(axis=1) >= low) & (ends.min(axis=1) <= high)).all(axis=1))

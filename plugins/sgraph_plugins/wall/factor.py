@@ -8,13 +8,14 @@ that is like no others gets its sides held parallel, and nothing more.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
-from sgraph_concepts.types import ConceptNode, FactorContext, FactorResult
+from sgraph_concepts.types import ConceptNode, FactorContext, FactorResult, FloatArray
 from sgraph_core.backend.ties import TieNoise, tie_planes
 
-__all__ = ["factors", "typical_thickness"]
+__all__ = ["factors", "known_thicknesses", "typical_thickness"]
 
 ANGLE_SIGMA_RAD = 0.01
 LEAST_SIGMA_M = 0.015
@@ -40,7 +41,8 @@ def factors(node: ConceptNode, context: FactorContext) -> FactorResult:
     size = float(np.linalg.norm(normal))
     if size < 1.0 or not _possible(node, context):  # the sides do not face opposite ways: no wall
         return FactorResult()
-    thickness, sigma = typical_thickness(node, context.nodes)
+    known = context.memory.recall("thicknesses", partial(known_thicknesses, context.nodes))
+    thickness, sigma = typical_thickness(node.shape.thickness, known)
     sure = 1.0 if node.confidence is None else max(node.confidence, LEAST_CONFIDENCE)
     doubt = 1 / np.sqrt(sure)
     return tie_planes(
@@ -59,17 +61,30 @@ def _possible(node: ConceptNode, context: FactorContext) -> bool:
     return abs(-sum(float(plane @ centre) for plane in context.planes.values())) <= FARTHEST_M
 
 
-def typical_thickness(node: ConceptNode, walls: Sequence[ConceptNode]) -> tuple[float, float]:
+def known_thicknesses(walls: Sequence[ConceptNode]) -> FloatArray:
+    """Return the mapped thicknesses of the walls that count, ascending, in metres."""
+    known = np.sort([wall.shape.thickness or 0.0 for wall in walls])
+    return np.asarray(known[known >= THINNEST_M])
+
+
+def typical_thickness(own: float, known: FloatArray) -> tuple[float, float]:
     """Return the thickness that a wall should have, and its standard deviation, in metres.
 
     The walls within 4 cm of this one's mapped thickness are its group, this one included.
+
+    Args:
+        own: the wall's mapped thickness.
+        known: those of all walls, ascending.
     """
-    own = node.shape.thickness or 0.0
-    known = np.array([w.shape.thickness or 0.0 for w in walls])
-    known = known[known >= THINNEST_M]
-    group = known[np.abs(known - own) <= ALIKE_M]
+    first = np.searchsorted(known, own - ALIKE_M)
+    group = known[first : np.searchsorted(known, own + ALIKE_M, side="right")]
     if len(group) < FEWEST_ALIKE:
         return own, FREE_SIGMA_M
-    typical = float(np.median(group))
-    spread = 1.4826 * float(np.median(np.abs(group - typical)))
+    typical = _median(group)
+    spread = 1.4826 * _median(np.sort(np.abs(group - typical)))
     return typical, max(spread, LEAST_SIGMA_M)
+
+
+def _median(ascending: FloatArray) -> float:
+    last = len(ascending) - 1
+    return float(ascending[last // 2] + ascending[last - last // 2]) / 2
