@@ -77,10 +77,13 @@ def check_pins(pins: Pins, surfaces: Collection[int] | None = None) -> None:
             raise PinError(f"pins.not_same_room[{k}]", list(pair), rule)
 
 
-def between_mapped(pins: Pins, surfaces: Collection[int]) -> Pins:
+def between_mapped(pins: Pins, surfaces: Iterable[int]) -> Pins:
     """Return pins without the pairs that wait for a surface to be mapped."""
+    if not (pins.same_room or pins.not_same_room):
+        return pins
+    mapped = set(surfaces)
     same, apart = (
-        tuple(pair for pair in pairs if pair[0] in surfaces and pair[1] in surfaces)
+        tuple(pair for pair in pairs if mapped.issuperset(pair))
         for pairs in (pins.same_room, pins.not_same_room)
     )
     return replace(pins, same_room=same, not_same_room=apart)

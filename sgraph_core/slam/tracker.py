@@ -140,7 +140,7 @@ class ConceptTracker:
         with self._lock:
             graph = self._graph.copy()
             if graph.pins is not None:
-                graph.pins = self._pins_between_mapped()
+                graph.pins = between_mapped(graph.pins, graph.wall_surfaces.ids.tolist())
             for concept in self._concepts:
                 name, groups = concept.spec.name, concept.spec.groups
                 graph.concepts[name] = self.nodes(name)
@@ -395,7 +395,8 @@ class ConceptTracker:
         surfaces = self._ordered(sorted(self._pending), self._mapped if anew else {})
         live = self._live or self._begin(surfaces)
         self._live = None  # kept only if all goes well
-        concerned, work = live.update(surfaces, PairPins(self._pins_between_mapped()))
+        pins = between_mapped(self.pins, self._graph.wall_surfaces.ids.tolist())
+        concerned, work = live.update(surfaces, PairPins(pins))
         changes = self._changes(live, concerned, anew)
         found = self._misfits.verdict.found
         off = self._off | {self._subject(owner): refusal for owner, refusal in found.items()}
@@ -429,12 +430,6 @@ class ConceptTracker:
         if owner in self._ties:
             return owner
         return owner[0], frozenset(self._nodes[owner[0]].by_id[owner[1]].members)
-
-    def _pins_between_mapped(self) -> Pins:
-        pins = self.pins
-        if not (pins.same_room or pins.not_same_room):
-            return pins
-        return between_mapped(pins, set(self._graph.wall_surfaces.ids.tolist()))
 
     def _begin(self, surfaces: SurfaceArrays) -> LiveInference:
         if self._origin is None and len(surfaces):
