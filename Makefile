@@ -30,7 +30,7 @@ check: $(VENV)/test.stamp
 
 # Train from nothing and install the weights where they are shipped from (docs/training.md).
 weights: $(VENV)/test.stamp
-	$(BIN)/sgraph train -o build/weights --seed 1 --stop 500
+	$(BIN)/sgraph train -o build/weights --seed 1 --stop 600
 	cp build/weights/encoder.onnx build/weights/encoder.safetensors build/weights/training.json sgraph_core/weights/
 	cp build/weights/room.onnx plugins/sgraph_plugins/room/
 	cp build/weights/wall.onnx plugins/sgraph_plugins/wall/

@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 
 from sgraph_concepts.types import FloatArray, IntArray, SurfaceArrays
-from sgraph_core.geometry import cross, dot, lines_of, nearest, points_of
+from sgraph_core.geometry import TIE_M, boxes_of, cross, dot, lines_of, nearest, points_of
 
 __all__ = ["Closures", "continuations", "gaps"]
 
@@ -51,15 +51,19 @@ def gaps(surfaces: SurfaceArrays, widest_m: float, rows: IntArray | None = None)
     rows = np.arange(len(surfaces)) if rows is None else rows
     ends, starts = surfaces.segments[:, 1], surfaces.segments[:, 0]
     tree = shapely.STRtree(points_of(starts))
-    one, two = tree.query(points_of(ends[rows]), predicate="dwithin", distance=widest_m)
+    # a gap runs at half their angle to the surfaces that it joins, or less
+    farthest = ends[rows] + widest_m * surfaces.tangents[rows]
+    aside = GAP_OFFSET_M + (GAP_SLOPE + np.sin(GAP_ANGLE_RAD / 2)) * widest_m
+    one, two = tree.query(boxes_of(np.stack([ends[rows], farthest], axis=1), aside))
     one = rows[one]
+    same_way = dot(surfaces.normals[one], surfaces.normals[two]) > np.cos(GAP_ANGLE_RAD)
+    one, two = one[same_way], two[same_way]
     gap = starts[two] - ends[one]
     tangent = surfaces.tangents[one] + surfaces.tangents[two]
-    tangent /= np.maximum(np.linalg.norm(tangent, axis=1), 1e-9)[:, None]
+    tangent /= np.linalg.norm(tangent, axis=1)[:, None]
     width = dot(gap, tangent)
-    collinear = dot(surfaces.normals[one], surfaces.normals[two]) > np.cos(GAP_ANGLE_RAD)
-    collinear &= (width > 0) & (np.abs(cross(gap, tangent)) < GAP_OFFSET_M + GAP_SLOPE * width)
-    collinear &= one != two
+    collinear = (width > 0) & (np.abs(cross(gap, tangent)) < GAP_OFFSET_M + GAP_SLOPE * width)
+    collinear &= (one != two) & (dot(gap, gap) <= widest_m**2)
     one, two, width = one[collinear], two[collinear], width[collinear]
     next_one = nearest(one, width, 1)
     one, two, width = one[next_one], two[next_one], width[next_one]
@@ -83,11 +87,13 @@ def continuations(
     ends = surfaces.segments[rows, ::-1].swapaxes(0, 1).reshape(-1, 2)
     outwards = np.concatenate([surfaces.tangents[rows], -surfaces.tangents[rows]])
 
-    end, near = tree.query(points_of(ends), predicate="dwithin", distance=CORNER_M)
-    corner = (near != own[end]) & (
-        np.abs(cross(outwards[end], surfaces.tangents[near])) >= CORNER_SINE
-    )
-    free = np.setdiff1d(np.arange(len(ends)), end[corner])
+    # testing what the boxes leave is faster than a query with the predicate "dwithin"
+    end, near = tree.query(boxes_of(ends[:, None], CORNER_M + TIE_M))
+    turns = np.abs(cross(outwards[end], surfaces.tangents[near])) >= CORNER_SINE
+    turns &= near != own[end]
+    end, near = end[turns], near[turns]
+    corner = shapely.dwithin(points_of(ends[end]), lines[near], CORNER_M)
+    free = np.flatnonzero(np.bincount(end[corner], minlength=len(ends)) == 0)
 
     starts = ends[free] + CLEARANCE_M * outwards[free]
     reach = (longest_m - CLEARANCE_M) * outwards[free]

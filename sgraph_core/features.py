@@ -6,8 +6,8 @@ and closest distance of an edge. Absolute normals and offsets turn with the map;
 Endpoints are ordered by the normal (see SurfaceArrays), since their order in the input would
 tell a network how a generator draws rooms.
 
-Two further sets of features exist to measure what ours bring: the paper's, and the paper's in
-each edge's own frame.
+Further sets of features exist to measure what ours bring: the paper's, the paper's in each edge's
+own frame, and ours in part.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from sgraph_concepts.types import FloatArray, IntArray, Scene
 from sgraph_core.geometry import cross, dot, in_frames
+from sgraph_core.support import SUPPORT, support
 from sgraph_core.visibility import CLOSED_GAPS_M, VISIBILITIES
 
 __all__ = [
@@ -34,44 +35,52 @@ __all__ = [
 
 Float32Array = NDArray[np.float32]
 
-FeatureSet = Literal["visibility", "frame", "paper"]
-"""``visibility``: ours. ``paper``: the paper's, which turn with the map. ``frame``: what the
-paper's say, in each edge's own frame."""
+FeatureSet = Literal["support", "visibility", "frame", "paper"]
+"""``support``: ours. ``visibility``: ours without what the building has in common with a surface.
+``paper``: the paper's, which turn with the map. ``frame``: what the paper's say, in each edge's own
+frame."""
 
 CLOSED_COLUMNS = (1, len(CLOSED_GAPS_M))
 """Columns of the visibility with doors closed, and with the widest gaps closed."""
+_VISIBILITY_NODES = (
+    "log length",
+    "log 1 + number of visible surfaces",
+    "log 1 + summed visibility",
+    *(f"log 1 + summed {VISIBILITIES[column]}" for column in CLOSED_COLUMNS),
+)
+_VISIBILITY_EDGES = (
+    "x of j's midpoint",
+    "y of j's midpoint",
+    "cosine of the angle between the surfaces",
+    "sine of the angle between the surfaces",
+    "closest distance",
+    "overlap along i",
+    "y of j's first end",
+    "y of j's second end",
+    "lower y of j's ends",
+    "higher y of j's ends",
+    "distance from i's second end to j's first",
+    "distance from i's first end to j's second",
+    "log length of i",
+    "log length of j",
+    *VISIBILITIES,
+    *(f"square root of the {name}" for name in VISIBILITIES),
+)
 NODE_FEATURES: Mapping[FeatureSet, tuple[str, ...]] = MappingProxyType(
     {
-        "visibility": (
-            "log length",
-            "log 1 + number of visible surfaces",
-            "log 1 + summed visibility",
-            *(f"log 1 + summed {VISIBILITIES[column]}" for column in CLOSED_COLUMNS),
+        "support": (
+            *_VISIBILITY_NODES,
+            *SUPPORT,
         ),
+        "visibility": _VISIBILITY_NODES,
         "frame": ("length",),
         "paper": ("length", "x of the normal", "y of the normal"),
     }
 )
 EDGE_FEATURES: Mapping[FeatureSet, tuple[str, ...]] = MappingProxyType(
     {
-        "visibility": (
-            "x of j's midpoint",
-            "y of j's midpoint",
-            "cosine of the angle between the surfaces",
-            "sine of the angle between the surfaces",
-            "closest distance",
-            "overlap along i",
-            "y of j's first end",
-            "y of j's second end",
-            "lower y of j's ends",
-            "higher y of j's ends",
-            "distance from i's second end to j's first",
-            "distance from i's first end to j's second",
-            "log length of i",
-            "log length of j",
-            *VISIBILITIES,
-            *(f"square root of the {name}" for name in VISIBILITIES),
-        ),
+        "support": _VISIBILITY_EDGES,
+        "visibility": _VISIBILITY_EDGES,
         "frame": (
             "x of j's midpoint",
             "y of j's midpoint",
@@ -93,15 +102,20 @@ def edge_index(scene: Scene) -> NDArray[np.int64]:
     return np.stack([np.concatenate([two, one]), np.concatenate([one, two])])
 
 
-def node_features(scene: Scene, features: FeatureSet = "visibility") -> Float32Array:
+def node_features(scene: Scene, features: FeatureSet = "support") -> Float32Array:
     """Return the features of the nodes, [N, len(NODE_FEATURES[features])]."""
     return _NODE_COLUMNS[features](scene).astype(np.float32)
 
 
-def edge_features(scene: Scene, features: FeatureSet = "visibility") -> Float32Array:
+def edge_features(scene: Scene, features: FeatureSet = "support") -> Float32Array:
     """Return the features of the edges in both directions, [2E, len(EDGE_FEATURES[features])]."""
     j, i = edge_index(scene)
     return _EDGE_COLUMNS[features](scene, i, j).astype(np.float32)
+
+
+def _support_nodes(scene: Scene) -> FloatArray:
+    own = support(scene.surfaces) if scene.support is None else scene.support
+    return np.column_stack([_visibility_nodes(scene), own])
 
 
 def _visibility_nodes(scene: Scene) -> FloatArray:
@@ -172,11 +186,13 @@ def _paper_edges(scene: Scene, i: IntArray, j: IntArray) -> FloatArray:
 
 
 _NODE_COLUMNS: Mapping[FeatureSet, Callable[[Scene], FloatArray]] = {
+    "support": _support_nodes,
     "visibility": _visibility_nodes,
     "frame": _frame_nodes,
     "paper": _paper_nodes,
 }
 _EDGE_COLUMNS: Mapping[FeatureSet, Callable[[Scene, IntArray, IntArray], FloatArray]] = {
+    "support": _visibility_edges,
     "visibility": _visibility_edges,
     "frame": _frame_edges,
     "paper": _paper_edges,

@@ -10,12 +10,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-import shapely
 from numpy.typing import ArrayLike
 
 from sgraph_concepts.errors import InputError
 from sgraph_concepts.types import FloatArray, IntArray, SurfaceArrays
-from sgraph_core.geometry import in_frames, lines_of
+from sgraph_core.geometry import close_together, in_frames
 
 __all__ = [
     "DUPLICATE_ANGLE_RAD",
@@ -124,8 +123,7 @@ def preprocess(
 
 def _near(surfaces: SurfaceArrays, distance_m: float) -> tuple[IntArray, IntArray]:
     """Return all ordered pairs of different surfaces that come this close."""
-    lines = lines_of(surfaces.segments)
-    one, two = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=distance_m)
+    one, two = close_together(surfaces.segments, surfaces.segments, distance_m)
     apart = one != two
     return one[apart], two[apart]
 

@@ -11,11 +11,10 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from sgraph_concepts.types import FloatArray, IntArray, OccupancyGrid, Scene, SurfaceArrays
-from sgraph_core.geometry import closest_distances, lines_of
+from sgraph_core.geometry import close_together, closest_distances, unique_pairs
 from sgraph_core.visibility import facing_pairs, visibility
 
 __all__ = ["CLOSE_M", "FACING", "Neighbours", "build_scene", "worth_relating"]
@@ -54,8 +53,8 @@ def build_scene(
     local = SurfaceArrays(surfaces.ids, surfaces.segments - origin, surfaces.normals)
     if neighbours == "nearest":
         return _scene(local, origin, _nearest_pairs(local), grid)
-    pairs = np.concatenate([facing_pairs(local, FACING), _close_pairs(local)])
-    scene = _scene(local, origin, np.unique(pairs, axis=0), grid)
+    one, two = np.concatenate([facing_pairs(local, FACING), _close_pairs(local)]).T
+    scene = _scene(local, origin, unique_pairs(one, two), grid)
     worth = worth_relating(scene.distances, scene.visibility)
     return replace(
         scene,
@@ -91,7 +90,6 @@ def _nearest_pairs(surfaces: SurfaceArrays) -> IntArray:
 
 
 def _close_pairs(surfaces: SurfaceArrays) -> IntArray:
-    lines = lines_of(surfaces.segments)
-    one, two = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=CLOSE_M)
+    one, two = close_together(surfaces.segments, surfaces.segments, CLOSE_M)
     pairs: IntArray = np.stack([one, two], axis=1)[one < two]
     return pairs

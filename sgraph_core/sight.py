@@ -39,8 +39,7 @@ class Sight:
 def sight(surfaces: SurfaceArrays, one: int, two: int) -> Sight:
     """Return the lines of sight between the surfaces in rows ``one`` and ``two``."""
     rays = Rays.between(surfaces, np.array([[one, two]]))
-    starts, directions, in_front = rays.starts[:, 0].T, rays.directions[:, 0].T, rays.valid[0]
-    lines = lines_of(np.stack([starts, starts + directions], axis=1))
+    lines, in_front = lines_of(rays.lines[:, 0]), rays.valid[:, 0]
     tree = shapely.STRtree(lines_of(surfaces.segments))
     line, row = tree.query(lines[in_front], predicate="intersects")
     others = (row != one) & (row != two)

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from sgraph_concepts.types import FloatArray, IntArray, SurfaceArrays
 from sgraph_core.closures import Closures, continuations, gaps
-from sgraph_core.geometry import dot, lines_of, nearest
-from sgraph_core.rays import Obstacles, Rays
+from sgraph_core.geometry import boxes_of, lines_of, nearest, unique_pairs
+from sgraph_core.rays import Obstacles, Rays, blocked_by_one
 
 __all__ = [
     "CLOSURE_REACH_M",
@@ -32,7 +32,7 @@ __all__ = [
 IN_FRONT_M = 0.05
 """How far a surface must reach in front of another to be seen from it at all."""
 
-PAIRS_AT_ONCE = 2048
+PAIRS_AT_ONCE = 4096
 
 CLOSED_GAPS_M = (1.4, 3.0, 6.0)
 """Widths up to which gaps are closed: doors, wide openings, missing surfaces."""
@@ -65,10 +65,8 @@ def facing_pairs(surfaces: SurfaceArrays, count: int) -> IntArray:
     Returns:
         Row indices, first below second, [P, 2].
     """
-    total = len(surfaces)
-    one, two, _, _ = facing_neighbours(surfaces, np.arange(total), count)
-    keys = np.unique(np.minimum(one, two) * total + np.maximum(one, two))
-    return np.stack(np.divmod(keys, total), axis=1)
+    one, two, _, _ = facing_neighbours(surfaces, np.arange(len(surfaces)), count)
+    return unique_pairs(one, two)
 
 
 def facing_neighbours(
@@ -86,7 +84,6 @@ def facing_neighbours(
         [R]: what is farther away makes no difference to it.
     """
     lines = lines_of(surfaces.segments)
-    bounds, outwards = shapely.bounds(lines), np.array([-1.0, -1.0, 1.0, 1.0])
     tree = shapely.STRtree(lines)
     waits, radius = np.zeros(len(surfaces), bool), NEAREST_RADIUS_M
     waits[rows] = True
@@ -95,7 +92,7 @@ def facing_neighbours(
     looked = np.full(len(surfaces), FARTHEST_RADIUS_M)
     while waits.any():
         waiting = np.flatnonzero(waits)
-        one, two = tree.query(shapely.box(*(bounds[waiting] + radius * outwards).T))
+        one, two = tree.query(boxes_of(surfaces.segments[waiting], radius))
         one = waiting[one]
         once = (one < two) | ~waits[two]  # of a pair that both ask for, look at one direction only
         one, two = one[once], two[once]
@@ -130,9 +127,12 @@ def face_each_other(surfaces: SurfaceArrays, one: IntArray, two: IntArray) -> ND
 
 
 def _reaches_in_front(surfaces: SurfaceArrays, one: IntArray, two: IntArray) -> NDArray[np.bool_]:
-    offset = surfaces.segments[two] - surfaces.midpoints[one, None]
-    in_front = dot(offset, surfaces.normals[one, None])
-    return np.asarray(np.maximum(in_front[:, 0], in_front[:, 1]) > IN_FRONT_M)
+    # coordinates first, as in rays
+    ends = surfaces.segments.transpose(2, 1, 0).take(two, axis=2)
+    x, y = ends - surfaces.midpoints.T.take(one, axis=1)[:, None]
+    normal_x, normal_y = surfaces.normals.T.take(one, axis=1)
+    in_front = x * normal_x + y * normal_y
+    return np.asarray(in_front.max(axis=0) > IN_FRONT_M)
 
 
 def closures_among(
@@ -167,21 +167,25 @@ def visibility(
         Shares from 0 to 1, [P, len(VISIBILITIES)].
     """
     walls = Obstacles.of(Closures(surfaces.segments, np.zeros(len(surfaces))))
-    widths = CLOSED_GAPS_M, CONTINUED_M
-    obstacles = [Obstacles.of(closures) for closures in closed or closures_among(surfaces)]
+    closures = Obstacles.of(*(closed or closures_among(surfaces)))
     shares = np.zeros((len(pairs), len(VISIBILITIES)))
     for start in range(0, len(pairs), PAIRS_AT_ONCE):  # bounds the memory
         some = pairs[start : start + PAIRS_AT_ONCE]
-        rays = Rays.between(surfaces, some)
         # most pairs are behind one wall: it is found faster than all that their rays cross
-        open_ = np.flatnonzero(rays.valid.any(axis=1) & ~rays.blocked_by_one(walls, own=some))
-        rays = rays.take(open_)
-        free = rays.valid & np.isinf(rays.narrowest_crossed(walls, own=some[open_]))
-        seeing = np.flatnonzero(free.any(axis=1))
-        rays, free, seeing = rays.take(seeing), free[seeing], open_[seeing]
+        open_ = np.flatnonzero(~blocked_by_one(surfaces, some, walls))
+        rays = Rays.between(surfaces, some[open_])
+        facing = rays.valid.any(axis=0)
+        rays, open_ = rays.take(np.flatnonzero(facing)), open_[facing]
+        (narrowest,) = rays.narrowest_crossed(walls, own=some[open_])
+        free = rays.valid & np.isinf(narrowest)
+        seeing = np.flatnonzero(free.any(axis=0))
+        rays, free = rays.take(seeing), free.take(seeing, axis=1)
         columns = [free]
-        for closures, limits in zip(obstacles, widths, strict=True):
-            narrowest = rays.narrowest_crossed(closures)
+        for narrowest, limits in zip(
+            rays.narrowest_crossed(closures), (CLOSED_GAPS_M, CONTINUED_M), strict=True
+        ):
             columns += [free & (narrowest > limit) for limit in limits]
-        shares[start + seeing] = np.stack([column.mean(axis=1) for column in columns], axis=1)
+        shares[start + open_[seeing]] = np.stack(
+            [column.mean(axis=0) for column in columns], axis=1
+        )
     return shares

@@ -162,6 +162,9 @@ class Scene:
             wall surfaces; then ``pairs`` indexes them and ``surfaces`` holds their members.
         grid: the occupancy grid that the surfaces were extracted from, if any, in the scene's
             coordinates.
+        support: what the surfaces have in common with the map, [N, 3]
+            (``sgraph_core.support.SUPPORT`` names it); None in a scene of a whole map, which
+            itself says it.
         memory: of the map that the scene is part of; empty if it is inferred once only. Scenes
             that share a memory share their origin.
     """
@@ -173,6 +176,7 @@ class Scene:
     visibility: FloatArray
     nodes: Sequence[ConceptNode] = ()
     grid: OccupancyGrid | None = None
+    support: FloatArray | None = None
     memory: Memory = field(default_factory=Memory)
 
 

@@ -50,8 +50,10 @@ def pin(
         apart: pairs of surfaces of different groups that no cluster shall hold both of, by id.
     """
     ids = scene.surfaces.ids
-    # twice all other log-odds, and room for what _cut adds to them: less than one a pair
-    weight = 1.0 + 2.0 * float(np.abs(edges.logits).sum()) + len(ids) ** 2
+    # twice all other log-odds, with room for what _cut adds to them: less than one a pair; and
+    # still more than they are when divided by the square root of the number of pairs
+    others = 1.0 + 2.0 * float(np.abs(edges.logits).sum()) + len(ids) ** 2
+    weight = len(ids) * others
     together = [_one_fragment_each(group, edges, scene, weight) for group in groups]
     pinned = {pair: weight for rows in together for pair in combinations(sorted(rows), 2)}
     for one, two in apart:
@@ -182,7 +184,7 @@ class PinnedRelation:
         owners = owner[concerned]
         unscored = np.where(owners[:, None] == owners, UNSCORED, 0.0)
         square = _square(concerned, self.edges.pairs, bonds, unscored)
-        pairs = np.stack(np.triu_indices(len(concerned), k=1), axis=1)
+        pairs = np.stack(np.nonzero(np.triu(square, k=1)), axis=1)
         parts = multicut(len(concerned), pairs, square[pairs[:, 0], pairs[:, 1]])
         return [frozenset(concerned[part].tolist()) for part in parts]
 

@@ -28,7 +28,7 @@ BETWEEN_FLOORS_M = 5.0
 
 @dataclass(frozen=True)
 class StageTimes:
-    """Median seconds of the stages of one inference.
+    """Median seconds of processor time of the stages of one inference.
 
     Attributes:
         surfaces: wall surfaces of the map.
@@ -99,9 +99,11 @@ def _median_seconds(call: Callable[[], object], repeats: int) -> float:
     call()  # the first time also loads weights and warms caches
     seconds = []
     for _ in range(repeats):
-        start = time.perf_counter()
+        # processor time: on a busy machine a long stage is interrupted and a short one is not,
+        # which would falsify their ratio
+        start = time.process_time()
         call()
-        seconds.append(time.perf_counter() - start)
+        seconds.append(time.process_time() - start)
     return statistics.median(seconds)
 
 

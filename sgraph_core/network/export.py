@@ -23,7 +23,7 @@ __all__ = ["export_encoder", "export_head", "fingerprint"]
 def export_encoder(
     encoder: Encoder,
     path: Path,
-    features: FeatureSet = "visibility",
+    features: FeatureSet = "support",
     neighbours: Neighbours = "visible",
 ) -> None:
     """Write an encoder as ONNX with inputs x, edge_index, edge_attr and outputs nodes, edges.

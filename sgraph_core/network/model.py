@@ -64,9 +64,7 @@ class Encoder(nn.Module):
     edge_mean: Tensor
     edge_scale: Tensor
 
-    def __init__(
-        self, hidden: int = 32, layers: int = 2, features: FeatureSet = "visibility"
-    ) -> None:
+    def __init__(self, hidden: int = 32, layers: int = 2, features: FeatureSet = "support") -> None:
         super().__init__()
         self.hidden = hidden
         nodes, edges = len(NODE_FEATURES[features]), len(EDGE_FEATURES[features])

@@ -18,6 +18,7 @@ from sgraph_core.preprocess import (
 )
 from sgraph_core.slam.pins import NO_PINS, PairPins
 from sgraph_core.slam.pool import Pool, boxes_around, rows_of
+from sgraph_core.support import SUPPORT
 
 __all__ = ["Changed", "LiveFragments"]
 
@@ -47,7 +48,8 @@ class LiveFragments:
     Attributes:
         parents: the surfaces as they came, by row: ``id``, ``segment``, ``normal``, ``box``.
         fragments: theirs: ``parent`` id, ``segment``, ``normal``, ``box``, and for its users to
-            fill in ``reach``, how far a fragment looks for its neighbours.
+            fill in ``reach``, how far a fragment looks for its neighbours, ``in_line``, the lengths
+            of others in line with it, and ``support``, what it was last scored by.
         pins: pins between fragments' parents; those of a surface that was dropped are its
             original's.
     """
@@ -65,6 +67,8 @@ class LiveFragments:
             normal=np.empty((0, 2)),
             box=np.empty((0, 4)),
             reach=np.empty(0),
+            in_line=np.empty((0, 2)),
+            support=np.empty((0, len(SUPPORT))),
         )
         self._row: dict[int, int] = {}
         self._rows_of: dict[int, list[int]] = {}

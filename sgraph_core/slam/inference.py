@@ -17,6 +17,7 @@ from sgraph_core.slam.pairs import LivePairs
 from sgraph_core.slam.pins import NO_PINS, PairPins
 from sgraph_core.slam.relations import LiveRelations
 from sgraph_core.slam.shapes import LiveShapes
+from sgraph_core.slam.support import LiveSupport
 
 __all__ = ["LiveInference", "Work"]
 
@@ -63,6 +64,7 @@ class LiveInference:
         self._detector, self._concepts = detector, concepts
         self._fragments, self._pins = LiveFragments(), NO_PINS
         self._pairs = LivePairs(self._fragments.fragments, origin, len(concepts))
+        self._support = LiveSupport(self._fragments.fragments, origin)
         self._relations = LiveRelations(detector, concepts, self._pairs)
         self._clusters = {
             concept.spec.name: LiveClusters(concept, column, detector, self._fragments, self._pairs)
@@ -93,7 +95,8 @@ class LiveInference:
         pairs = self._pairs.update(changed)
         self._relations.forget(changed.removed.tolist())
         ends = np.union1d(pairs.ends, changed.added)
-        rescored, rows = self._relations.update(ends)
+        supported = self._support.update(changed)
+        rescored, rows = self._relations.update(np.union1d(ends, supported))
         concerned, most = {}, 0
         for (name, clusters), scored in zip(self._clusters.items(), rescored, strict=True):
             concerned[name], count = clusters.update(np.union1d(ends, scored), changed)

@@ -15,7 +15,7 @@ import shapely
 
 from sgraph_concepts.types import FloatArray, IntArray, Scene, SurfaceArrays
 from sgraph_core.closures import Closures
-from sgraph_core.geometry import TIE_M, closest_distances, lines_of
+from sgraph_core.geometry import TIE_M, close_together, closest_distances
 from sgraph_core.proximity import CLOSE_M, FACING, worth_relating
 from sgraph_core.slam.fragments import Changed
 from sgraph_core.slam.pool import (
@@ -145,6 +145,7 @@ class LivePairs:
             np.sort(place[ends], axis=1),
             some["distance"][pairs],
             some["visibility"][pairs],
+            support=self._fragments["support"][rows],
         )
         return scene, pairs
 
@@ -313,9 +314,8 @@ class LivePairs:
 
     def _close_pairs(self, added: IntArray) -> set[Pair]:
         rows = self._fragments.meeting("box", self._fragments["box"][added], CLOSE_M)
-        lines = lines_of(self.surfaces(rows).segments)
-        new = lines_of(self.surfaces(added).segments)
-        one, two = shapely.STRtree(lines).query(new, predicate="dwithin", distance=CLOSE_M)
+        new, lines = (self.surfaces(some).segments for some in (added, rows))
+        one, two = close_together(new, lines, CLOSE_M)
         ends = zip(added[one].tolist(), rows[two].tolist(), strict=True)
         return {_pair(a, b) for a, b in ends if a != b}
 

@@ -7,21 +7,22 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 from numpy.random import Generator
+from numpy.typing import NDArray
 from shapely import Polygon
 
 from sgraph_concepts.errors import InputError
 from sgraph_concepts.types import BuildingTruth, FloatArray, IntArray, SurfaceArrays
-from sgraph_core.geometry import lines_of, points_of
+from sgraph_core.geometry import Geometries, lines_of, points_of
 from sgraph_core.graph import SGraph, TrueRoom, Truth
 from sgraph_core.synth.config import BuildingConfig, ViewConfig
 from sgraph_core.synth.drift import Drift
-from sgraph_core.synth.pieces import NO_ROOM, Pieces
+from sgraph_core.synth.pieces import IN_CAVITY, NO_ROOM, SHORTEST_PIECE_M, Pieces
 from sgraph_core.synth.placement import Placement
 from sgraph_core.synth.plan import draw_plan
 from sgraph_core.synth.polygons import turn_left
 from sgraph_core.synth.surfaces import draw_surfaces
 from sgraph_core.synth.view import add_noise, draw_view, join_through
-from sgraph_core.synth.walls import wall_gaps
+from sgraph_core.synth.walls import WallGaps, wall_gaps
 
 __all__ = ["Building", "draw_building"]
 
@@ -75,7 +76,7 @@ class Building:
         for row, parent in enumerate(fragments.ids):
             own = np.flatnonzero(self.owners == parent)
             nearest = own[np.argmin(shapely.distance(piece_lines[own], middles[row]))]
-            rooms[row] = self.pieces.rooms[nearest]
+            rooms[row] = max(self.pieces.rooms[nearest], NO_ROOM)
         rows_of: dict[int, list[int]] = {}
         for row, parent in enumerate(fragments.ids.tolist()):
             rows_of.setdefault(parent, []).append(row)
@@ -112,8 +113,8 @@ def _map(pieces: Pieces, rooms: list[Polygon], rng: Generator, config: ViewConfi
     placement = Placement.draw(rng)
     polygons = [shapely.get_coordinates(room.exterior)[:-1] for room in rooms]
     gaps = wall_gaps(pieces.segments, pieces.normals)
-    structural = pieces.structural[gaps.one] & pieces.structural[gaps.two]
-    sides = np.stack([gaps.one, gaps.two], axis=1)[structural]
+    solid = pieces.structural[gaps.one] & pieces.structural[gaps.two] & ~_hollow(gaps, pieces)
+    sides = np.stack([gaps.one, gaps.two], axis=1)[solid]
     if rng.random() < config.drifted_share:
         drift = Drift.draw(rooms, rng, config)
         pieces = drift.drifted(pieces, rooms)
@@ -145,6 +146,20 @@ def _map(pieces: Pieces, rooms: list[Polygon], rng: Generator, config: ViewConfi
         polygons=[placement.points(polygon) for polygon in polygons],
         walls=walls[walls[:, 0] < walls[:, 1]],
     )
+
+
+def _hollow(gaps: WallGaps, pieces: Pieces) -> NDArray[np.bool_]:
+    """Return between which surfaces the side of a cavity is mapped: they are two walls, [G]."""
+    in_cavity = pieces.rooms == IN_CAVITY
+    far = gaps.thicknesses[:, None] * gaps.inwards
+    corners = np.stack([gaps.starts, gaps.ends, gaps.ends + far, gaps.starts + far], axis=1)
+    bodies: Geometries = np.asarray(shapely.polygons(corners))
+    cavities = lines_of(pieces.segments[in_cavity])
+    body, side = shapely.STRtree(cavities).query(bodies, predicate="intersects")
+    inside = shapely.length(shapely.intersection(bodies[body], cavities[side])) > SHORTEST_PIECE_M
+    hollow = np.zeros(len(gaps), bool)
+    hollow[body[inside]] = True
+    return np.asarray(hollow & ~in_cavity[gaps.one] & ~in_cavity[gaps.two])
 
 
 def _whole_surfaces(pieces: Pieces, owners: IntArray) -> tuple[FloatArray, FloatArray]:

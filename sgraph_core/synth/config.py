@@ -111,6 +111,29 @@ class PlanConfig(_Config):
     partition_thickness_m: Interval[Length] = Field(
         default=(0.05, 0.15), description="Thickness of partitions."
     )
+    double_wall_share: Choices[Share] = Field(
+        default=(0.0, 0.0, 0.0, 0.1),
+        description="Walls between two rooms that consist of two leaves with a cavity between "
+        "them; one is drawn per building.",
+    )
+    leaf_m: Interval[Length] = Field(
+        default=(0.06, 0.2),
+        description="Thickness of each leaf; a wall that was thicker keeps its thickness.",
+    )
+    cavity_m: Interval[Length] = Field(default=(0.03, 0.4), description="Width of the cavity.")
+    cubicle_share: Choices[Share] = Field(
+        default=(0.0, 0.8),
+        description="Rooms of 40 m2 or more with rows of cubicles; one is drawn per building.",
+    )
+    cubicle_m: Interval[Spacing] = Field(
+        default=(1.8, 3.5), description="Width of cubicles, and depth."
+    )
+    cubicle_partition_m: Interval[Length] = Field(
+        default=(0.04, 0.2), description="Thickness of the partitions between them."
+    )
+    aisle_m: Interval[Length] = Field(
+        default=(1.0, 2.5), description="Aisles between rows of cubicles, and around them."
+    )
     open_plan_share: Choices[Share] = Field(
         default=(0.0, 0.0, 0.0, 0.03),
         description="Neighbouring rooms whose common wall is missing; one is drawn per building.",
@@ -140,9 +163,15 @@ class FittingConfig(_Config):
         description="Neighbouring rooms joined by a door; one is drawn per building.",
     )
     door_width_m: Interval[Length] = Field(default=(0.7, 1.1), description="Width of doors.")
-    opening_share: Share = Field(default=0.1, description="Doors that are wide openings.")
+    opening_share: Choices[Share] = Field(
+        default=(0.05, 0.05, 0.1, 0.6),
+        description="Doors that are wide openings; one is drawn per building.",
+    )
     opening_width_m: Interval[Length] = Field(
         default=(1.3, 3.0), description="Width of wide openings."
+    )
+    cubicle_opening: Interval[Part] = Field(
+        default=(0.4, 0.9), description="Open part of a cubicle's side."
     )
     second_door_share: Share = Field(default=0.15, description="Neighbours with two doors.")
     broken_behind_share: Choices[Share] = Field(
@@ -164,6 +193,10 @@ class FittingConfig(_Config):
     )
     furniture_size_m: Interval[Length] = Field(
         default=(0.2, 1.2), description="Sides of furniture."
+    )
+    cavity_share: Share = Field(
+        default=0.5,
+        description="Buildings with double walls whose cavities are mapped, as in building models.",
     )
     window_share: Choices[Share] = Field(
         default=(0.0, 0.0, 0.0, 0.5),

@@ -14,6 +14,7 @@ from numpy.random import Generator
 from sgraph_concepts.types import FloatArray
 from sgraph_core.geometry import lines_of
 from sgraph_core.synth.config import FittingConfig
+from sgraph_core.synth.cubicles import Cubicles
 from sgraph_core.synth.pieces import SHORTEST_PIECE_M, Pieces
 from sgraph_core.synth.walls import THICKEST_M, WallGaps
 
@@ -47,21 +48,28 @@ class Cutout:
 
 
 def draw_doors(
-    gaps: WallGaps, walls: Pieces, rng: Generator, config: FittingConfig
+    gaps: WallGaps, walls: Pieces, cubicles: Cubicles, rng: Generator, config: FittingConfig
 ) -> list[Cutout]:
-    """Draw doors and wide openings between neighbouring rooms, and between rooms and outside."""
+    """Draw doors and wide openings between neighbouring rooms, and between rooms and outside.
+
+    A cubicle is open towards the room that it stands in, and has no other door.
+    """
     between: dict[tuple[int, int], list[int]] = defaultdict(list)
     for k, (one, two) in enumerate(zip(gaps.one, gaps.two, strict=True)):
         rooms = sorted((int(walls.rooms[one]), int(walls.rooms[two])))
         if rooms[0] != rooms[1]:
             between[rooms[0], rooms[1]].append(k)
-    share = rng.choice(config.door_share)
+    share, wide_share = rng.choice(config.door_share), rng.choice(config.opening_share)
     doors = []
-    for candidates in between.values():
+    for (one, two), candidates in between.items():
+        if one in cubicles or two in cubicles:
+            if cubicles.get(two) == one:
+                doors.append(_cubicle_opening(gaps, candidates, rng, config))
+            continue
         if rng.random() >= share:
             continue
         for _ in range(2 if rng.random() < config.second_door_share else 1):
-            wide = rng.random() < config.opening_share
+            wide = rng.random() < wide_share
             width = rng.uniform(*(config.opening_width_m if wide else config.door_width_m))
             gap = int(rng.choice(candidates))
             length = float(gaps.lengths[gap])
@@ -69,6 +77,15 @@ def draw_doors(
                 where = rng.uniform(DOOR_FRAME_M, length - width - DOOR_FRAME_M)
                 doors.append(_cutout(gaps, gap, where, width))
     return doors
+
+
+def _cubicle_opening(
+    gaps: WallGaps, candidates: list[int], rng: Generator, config: FittingConfig
+) -> Cutout:
+    gap = int(rng.choice(candidates))
+    length = float(gaps.lengths[gap])
+    width = rng.uniform(*config.cubicle_opening) * length
+    return _cutout(gaps, gap, rng.uniform(0, length - width), width)
 
 
 def draw_windows(gaps: WallGaps, rng: Generator, config: FittingConfig) -> list[Cutout]:

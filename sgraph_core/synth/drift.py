@@ -12,7 +12,7 @@ from shapely import Polygon
 from sgraph_concepts.types import FloatArray, IntArray
 from sgraph_core.geometry import points_of
 from sgraph_core.synth.config import ViewConfig
-from sgraph_core.synth.pieces import NO_ROOM, Pieces
+from sgraph_core.synth.pieces import Pieces
 from sgraph_core.synth.polygons import turn_left
 
 __all__ = ["Drift"]
@@ -51,10 +51,10 @@ class Drift:
         )
 
     def drifted(self, pieces: Pieces, rooms: list[Polygon]) -> Pieces:
-        """Return pieces as the visits map them; clutter is mapped with the nearest room."""
+        """Return pieces as the visits map them; clutter and cavities with the nearest room."""
         middles = points_of(pieces.segments.mean(axis=1))
         nearest = shapely.STRtree(rooms).nearest(middles)
-        visits = self.room_visits[np.where(pieces.rooms == NO_ROOM, nearest, pieces.rooms)]
+        visits = self.room_visits[np.where(pieces.rooms < 0, nearest, pieces.rooms)]
         visits[pieces.facades] = len(self.angles) - 1
         normals = _turned(pieces.normals, self.angles[visits])
         segments = self._moved(pieces.segments, visits[:, None])

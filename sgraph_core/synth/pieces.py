@@ -9,9 +9,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from sgraph_concepts.types import FloatArray, IntArray
 
-__all__ = ["NO_ROOM", "SHORTEST_PIECE_M", "Pieces"]
+__all__ = ["IN_CAVITY", "NO_ROOM", "SHORTEST_PIECE_M", "Pieces"]
 
 NO_ROOM = -1
+IN_CAVITY = -2
 SHORTEST_PIECE_M = 0.05
 
 
@@ -22,7 +23,8 @@ class Pieces:
     Attributes:
         segments: [P, 2, 2].
         normals: [P, 2].
-        rooms: index of the room each belongs to, NO_ROOM for none, [P].
+        rooms: index of the room each belongs to, [P]; NO_ROOM for none, IN_CAVITY for none because
+            it faces the cavity of a double wall.
         structural: whether a piece is a side of a wall, as opposed to clutter, [P].
     """
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -12,6 +12,8 @@ from shapely import Polygon, box
 
 from sgraph_concepts.types import FloatArray
 from sgraph_core.synth.config import PlanConfig
+from sgraph_core.synth.cubicles import Cubicles, stand_cubicles
+from sgraph_core.synth.double_walls import DoubleWall, draw_double_walls
 from sgraph_core.synth.interior import stand_columns, stand_partitions
 from sgraph_core.synth.open_plan import open_neighbours
 from sgraph_core.synth.polygons import (
@@ -43,10 +45,14 @@ class Plan:
         rooms: each room's free space, apart by the thickness of the walls; columns and partitions
             are holes.
         open_borders: where two rooms meet without a wall, [B, 2, 2].
+        double_walls: the walls between rooms that consist of two leaves.
+        cubicles: for each room that is one, the room that it stands in.
     """
 
     rooms: list[Polygon]
     open_borders: FloatArray
+    double_walls: list[DoubleWall] = field(default_factory=list)
+    cubicles: Cubicles = field(default_factory=dict)
 
 
 def draw_plan(rng: Generator, config: PlanConfig) -> Plan | None:
@@ -66,8 +72,14 @@ def draw_plan(rng: Generator, config: PlanConfig) -> Plan | None:
     rooms = _shape_rooms(rooms, rng, config)
     if not rooms:
         return None
+    # streams of their own, so that all else is drawn alike with these and without
+    for_doubles, for_cubicles = rng.spawn(2)
+    rooms, doubles = draw_double_walls(rooms, for_doubles, config)
+    rooms, cubicles = stand_cubicles(rooms, for_cubicles, config)
     rooms = stand_partitions(stand_columns(rooms, rng, config), rng, config)
-    return Plan(*open_neighbours(rooms, rng, config))
+    rooms, borders = open_neighbours(rooms, rng, config)
+    whole = [wall for wall in doubles if not shapely.intersects(wall.cavity, rooms).any()]
+    return Plan(rooms, borders, whole, cubicles)
 
 
 def _log_uniform(rng: Generator, interval: tuple[float, float]) -> float:

@@ -21,12 +21,16 @@ from sgraph_core.synth.cutouts import (
     junctions_behind,
     openings,
 )
-from sgraph_core.synth.pieces import NO_ROOM, Pieces
+from sgraph_core.synth.double_walls import DoubleWall
+from sgraph_core.synth.pieces import IN_CAVITY, NO_ROOM, Pieces
 from sgraph_core.synth.plan import Plan
 from sgraph_core.synth.polygons import all_edges, grow, polygons_in
 from sgraph_core.synth.walls import wall_gaps
 
 __all__ = ["Floor", "draw_surfaces"]
+
+LEAF_AT_DOOR_M = 0.05
+"""Cavities end this far from the openings of doors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +67,8 @@ class Floor:
 
 def draw_surfaces(plan: Plan, rng: Generator, config: FittingConfig) -> Floor:
     """Build a plan: cut doors and windows, and put clutter into it."""
-    outlines = _outlines(plan.rooms, rng.uniform(*config.facade_thickness_m))
+    bodies = [wall.body for wall in plan.double_walls]
+    outlines = _outlines([*plan.rooms, *bodies], rng.uniform(*config.facade_thickness_m))
     walls = Pieces.joined(_sides(plan.rooms), _facades(outlines))
     facade_mapped = rng.random() < config.facade_share
     gaps = wall_gaps(walls.segments, walls.normals)
@@ -71,13 +76,15 @@ def draw_surfaces(plan: Plan, rng: Generator, config: FittingConfig) -> Floor:
     windows = draw_windows(gaps.take(outer), rng, config)
     if not facade_mapped:
         gaps = gaps.take(~outer)
-    doors = draw_doors(gaps, walls, rng, config)
+    doors = draw_doors(gaps, walls, plan.cubicles, rng, config)
     borders = border_cutouts(walls, plan.open_borders)
     behind = junctions_behind(gaps, len(walls), rng, rng.choice(config.broken_behind_share))
     broken = cut(walls, [*doors, *windows, *borders, *behind])
     leaves = door_leaves(doors, rng, rng.choice(config.door_leaf_share))
     faces, boxes = furniture(plan.rooms, rng, rng.choice(config.furnished_share), config)
     mapped = broken if facade_mapped else broken.take(~broken.facades)
+    if plan.double_walls and rng.spawn(1)[0].random() < config.cavity_share:
+        mapped = Pieces.joined(mapped, _cavities(plan.double_walls, openings(doors, walls)))
     passages, doorways = _passages([*doors, *borders], walls)
     return Floor(
         rooms=plan.rooms,
@@ -101,9 +108,9 @@ def _sides(rooms: list[Polygon]) -> Pieces:
     return Pieces(segments, normals, owners, np.ones(len(owners), bool))
 
 
-def _outlines(rooms: list[Polygon], thickness_m: float) -> list[Polygon]:
-    """Return the outlines of the building: its rooms grown by the outer walls."""
-    grown = shapely.union_all([grow(room, thickness_m) for room in rooms])
+def _outlines(inside: list[Polygon], thickness_m: float) -> list[Polygon]:
+    """Return the outlines of the building: what is inside of it grown by the outer walls."""
+    grown = shapely.union_all([grow(part, thickness_m) for part in inside])
     return [_simple(body) for body in polygons_in(grow(grow(grown, 0.2), -0.2))]
 
 
@@ -112,6 +119,15 @@ def _facades(outlines: list[Polygon]) -> Pieces:
     segments, inwards, _ = all_edges(outlines)
     count = len(segments)
     return Pieces(segments, -inwards, np.full(count, NO_ROOM), np.ones(count, bool))
+
+
+def _cavities(walls: list[DoubleWall], doors: FloatArray) -> Pieces:
+    """Return the faces of the cavities of double walls, which end before doors."""
+    frames = shapely.union_all([grow(Polygon(corners), LEAF_AT_DOOR_M) for corners in doors])
+    hollows = [part for wall in walls for part in polygons_in(wall.cavity.difference(frames))]
+    segments, normals, _ = all_edges(hollows)
+    count = len(segments)
+    return Pieces(segments, normals, np.full(count, IN_CAVITY), np.ones(count, bool))
 
 
 def _simple(body: Polygon) -> Polygon:

@@ -13,7 +13,7 @@ from sgraph_concepts.types import FloatArray, IntArray
 from sgraph_core.geometry import dot, points_of
 from sgraph_core.synth.config import ViewConfig
 from sgraph_core.synth.occlusion import seen_from
-from sgraph_core.synth.pieces import SHORTEST_PIECE_M, Pieces
+from sgraph_core.synth.pieces import IN_CAVITY, SHORTEST_PIECE_M, Pieces
 from sgraph_core.synth.surfaces import Floor
 from sgraph_core.synth.trajectory import draw_poses
 
@@ -80,7 +80,8 @@ def join_through(pieces: Pieces, rng: Generator, share: float) -> IntArray:
     gap = starts[two] - ends[one]
     collinear = dot(pieces.normals[one], pieces.normals[two]) > np.cos(np.radians(1.0))
     collinear &= np.abs(dot(gap, pieces.normals[one])) < 0.02
-    collinear &= (one != two) & pieces.structural[one] & pieces.structural[two]
+    joins = pieces.structural & (pieces.rooms != IN_CAVITY)
+    collinear &= (one != two) & joins[one] & joins[two]
     surface = np.arange(len(pieces))
     for first, second in near.T[collinear & (rng.random(len(one)) < share)].tolist():
         surface[surface == surface[second]] = surface[first]

@@ -44,7 +44,7 @@ class TrainingConfig(BaseModel):
     weight_decay: float = Field(default=1e-4, ge=0, description="Of AdamW.")
     largest_gradient: float = Field(default=5.0, gt=0, description="Gradients are clipped to it.")
     features: FeatureSet = Field(
-        default="visibility", description="What the network is given of nodes and edges."
+        default="support", description="What the network is given of nodes and edges."
     )
     neighbours: Neighbours = Field(
         default="visible", description="The pairs of surfaces that it is given."

@@ -92,14 +92,16 @@ def train(
 
 @contextmanager
 def _repeatable(seed: int) -> Iterator[None]:
-    """Let torch compute the same again on the same machine, whatever its threads do."""
-    before = torch.are_deterministic_algorithms_enabled()
+    """Let torch compute the same again, however many cores there are: sums depend on threads."""
+    before, threads = torch.are_deterministic_algorithms_enabled(), torch.get_num_threads()
     torch.manual_seed(seed)
     torch.use_deterministic_algorithms(True)
+    torch.set_num_threads(1)
     try:
         yield
     finally:
         torch.use_deterministic_algorithms(before)
+        torch.set_num_threads(threads)
 
 
 def _require_extra() -> None:

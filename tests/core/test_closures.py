@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from plans import L_SHAPE, plan, rectangle
 
-from sgraph_concepts.types import SurfaceArrays
+from sgraph_concepts.types import FloatArray, SurfaceArrays
 from sgraph_core.closures import Closures, continuations, gaps
 from sgraph_core.graph import SGraph
 
@@ -49,6 +49,21 @@ def test_a_gap_reaches_to_the_next_collinear_surface_only() -> None:
 )
 def test_there_is_no_gap_to(second: list[list[float]]) -> None:
     assert drawn(gaps(surfaces([[0, 0], [2, 0]], second), 6.0)) == []
+
+
+@pytest.mark.parametrize("angle", np.radians([0, 20, 45, 90, 130, 180, 200, 290]))
+@pytest.mark.parametrize("turned", np.radians([-14.9, 0, 14.9]))
+@pytest.mark.parametrize("aside", [-0.4, 0.0, 0.4])
+def test_a_gap_may_be_as_skew_and_offset_as_the_rule_says(
+    angle: float, turned: float, aside: float
+) -> None:
+    def turn(by: float) -> FloatArray:
+        return np.array([[np.cos(by), np.sin(by)], [-np.sin(by), np.cos(by)]])
+
+    start = [5.9, aside] @ turn(turned / 2)  # 5.9 m along the mean direction
+    second = np.array([start, start + [1, 0] @ turn(turned)])
+    closures = gaps(surfaces([[-2, 0] @ turn(angle), [0, 0]], (second @ turn(angle)).tolist()), 6.0)
+    assert closures.widths == pytest.approx([5.9])
 
 
 def test_a_closed_room_has_nothing_to_continue() -> None:

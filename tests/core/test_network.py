@@ -164,8 +164,8 @@ def test_weights_start_xavier_uniform() -> None:
 
 def test_the_input_layer_fits_the_features() -> None:
     encoder = Encoder()
-    assert encoder.node_mean.shape == (len(NODE_FEATURES["visibility"]),)
-    assert encoder.edge_mean.shape == (len(EDGE_FEATURES["visibility"]),)
+    assert encoder.node_mean.shape == (len(NODE_FEATURES["support"]),)
+    assert encoder.edge_mean.shape == (len(EDGE_FEATURES["support"]),)
 
 
 def test_a_head_of_other_encoder_weights_is_refused(
@@ -202,10 +202,14 @@ def test_weights_of_another_version_are_refused(
 @pytest.mark.parametrize(
     ("key", "value", "message"),
     [
-        ("features", None, "features = None: must be one of visibility, frame, paper"),
-        ("features", "colour", "features = 'colour': must be one of visibility, frame, paper"),
+        ("features", None, "features = None: must be one of support, visibility, frame, paper"),
+        (
+            "features",
+            "colour",
+            "features = 'colour': must be one of support, visibility, frame, paper",
+        ),
         ("neighbours", None, "neighbours = None: must be one of visible, nearest"),
-        ("features", "paper", "takes 5 features of a node and 28 of an edge, but is given 3 and 3"),
+        ("features", "paper", "takes 8 features of a node and 28 of an edge, but is given 3 and 3"),
     ],
 )
 def test_an_encoder_of_other_features_is_refused(

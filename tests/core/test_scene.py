@@ -18,10 +18,10 @@ from sgraph_core.features import (
     edge_index,
     node_features,
 )
-from sgraph_core.geometry import nearest
+from sgraph_core.geometry import nearest, unique_pairs
 from sgraph_core.graph import SGraph
 from sgraph_core.proximity import build_scene
-from sgraph_core.rays import Obstacles, Rays
+from sgraph_core.rays import Obstacles, Rays, blocked_by_one
 from sgraph_core.visibility import VISIBILITIES, facing_pairs, visibility
 
 
@@ -129,12 +129,11 @@ def test_one_obstacle_blocks_a_pair_when_all_rays_cross_it(seed: int) -> None:
     along /= np.linalg.norm(along, axis=1)[:, None]
     normals = np.stack([-along[:, 1], along[:, 0]], axis=1)
     pair = np.array([[0, 1]])
-    rays = Rays.between(SurfaceArrays(np.arange(3), segments, normals), pair)
+    surfaces = SurfaceArrays(np.arange(3), segments, normals)
     walls = Obstacles.of(Closures(segments, np.zeros(3)))
-    starts = rays.starts[:, 0].T
-    lines = shapely.linestrings(np.stack([starts, starts + rays.directions[:, 0].T], axis=1))
+    lines = shapely.linestrings(Rays.between(surfaces, pair).lines[:, 0])
     blocked = shapely.intersects(lines, shapely.LineString(segments[2])).all()
-    assert rays.blocked_by_one(walls, own=pair).tolist() == [blocked]
+    assert blocked_by_one(surfaces, pair, walls).tolist() == [blocked]
 
 
 def test_facing_pairs_are_those_in_front_of_each_other() -> None:
@@ -157,6 +156,24 @@ def test_nearest_keeps_ties() -> None:
     groups = np.array([0, 0, 0, 0, 1])
     distances = np.array([2.0, 1.0, 1.0, 3.0, 9.0])
     assert nearest(groups, distances, 1).tolist() == [False, True, True, False, True]
+
+
+@given(st.integers(0, 10_000), st.sampled_from([3, 300, 70_000]))
+@settings(max_examples=50, deadline=None)
+def test_nearest_equals_its_definition(seed: int, largest: int) -> None:
+    rng = np.random.default_rng(seed)
+    groups = rng.integers(0, largest, 40) // 2 * 2  # odd ones are empty
+    distances = rng.integers(0, 6, 40) / 4
+    expected = []
+    for group, distance in zip(groups, distances, strict=True):
+        in_group = np.sort(distances[groups == group])
+        expected.append(distance <= in_group[:3][-1])
+    assert nearest(groups, distances, 3).tolist() == expected
+
+
+def test_pairs_are_unordered_and_come_once_and_in_order() -> None:
+    one, two = np.array([[5, 2], [0, 3], [2, 5], [0, 1], [3, 0]]).T
+    assert unique_pairs(one, two).tolist() == [[0, 1], [0, 3], [2, 5]]
 
 
 def test_the_two_sides_of_a_wall_are_linked_although_blind() -> None:
@@ -184,7 +201,7 @@ def features(
     return nodes, dict(zip(ends, edge_features(scene, kind), strict=True))
 
 
-def assert_same_features(one: SGraph, two: SGraph, kind: FeatureSet = "visibility") -> None:
+def assert_same_features(one: SGraph, two: SGraph, kind: FeatureSet = "support") -> None:
     (nodes, edges), (other_nodes, other_edges) = features(one, kind), features(two, kind)
     assert set(edges) == set(other_edges)
     for key, value in nodes.items():
@@ -193,7 +210,7 @@ def assert_same_features(one: SGraph, two: SGraph, kind: FeatureSet = "visibilit
         assert other_edges[pair] == pytest.approx(value, abs=1e-5)
 
 
-@pytest.mark.parametrize("kind", ["visibility", "frame"])
+@pytest.mark.parametrize("kind", ["support", "visibility", "frame"])
 @pytest.mark.parametrize("offset", [(0.0, 0.0), (3.7, -12.1), (500_000.0, 5_400_000.0)])
 @pytest.mark.parametrize("angle", [0.0, 0.3, np.pi / 4, np.pi / 2, 3.0])
 def test_features_do_not_change_when_the_map_is_moved_or_turned(

@@ -21,6 +21,7 @@ from sgraph_core.synth.config import (
     PlanConfig,
     ViewConfig,
 )
+from sgraph_core.synth.pieces import NO_ROOM
 from sgraph_core.synth.plan import draw_plan
 
 CLEAN = BuildingConfig(
@@ -120,7 +121,7 @@ def test_fragments_of_a_surface_through_rooms_know_their_own_room() -> None:
         truth = drawn.truth(fragments)
         for parent in np.unique(fragments.ids):
             rooms = set(truth.rooms[fragments.ids == parent].tolist())
-            own = set(drawn.pieces.rooms[drawn.owners == parent].tolist())
+            own = set(np.maximum(drawn.pieces.rooms[drawn.owners == parent], NO_ROOM).tolist())
             assert rooms <= own
             split += len(rooms) > 1
     assert split > 20

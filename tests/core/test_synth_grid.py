@@ -245,7 +245,9 @@ def test_in_a_core_surfaces_belong_to_its_rooms_and_not_to_the_corridor_around_i
 
 def test_a_scanned_grid_knows_no_more_than_the_robot_sees() -> None:
     robot = EMPTY.model_copy(update=EXACT)
-    doors = CLOSED.model_copy(update={"door_share": (1.0,), "second_door_share": 0.0})
+    doors = CLOSED.model_copy(
+        update={"door_share": (1.0,), "second_door_share": 0.0, "opening_share": (0.0,)}
+    )
     for seed in range(3):
         building = drawn(floor(*TWO_ROOMS, fittings=doors, seed=seed), robot, seed)
         free = building.grid.cells == FREE

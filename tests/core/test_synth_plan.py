@@ -22,6 +22,8 @@ BARE = PlanConfig(
     ring_corridor_share=0.0,
     column_share=(0.0,),
     partition_share=(0.0,),
+    double_wall_share=(0.0,),
+    cubicle_share=(0.0,),
     open_plan_share=(0.0,),
 )
 """Rooms without holes that do not meet."""

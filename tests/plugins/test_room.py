@@ -199,6 +199,15 @@ def test_a_stray_surface_joins_no_room_behind_it() -> None:
     assert room.members == (0, 1, 2, 3)
 
 
+@given(st.floats(0.05, 0.49) | st.floats(0.51, 0.95), st.floats(0, 2 * np.pi))
+@settings(deadline=None, max_examples=30)
+def test_what_nobody_fits_into_is_no_room(width: float, angle: float) -> None:
+    graph = plan(rectangle(0, 0, 5, width), angle_rad=angle)
+    scene = build_scene(graph.wall_surfaces.ordered())
+    found = cluster(ScoredEdges(scene.pairs, np.ones(len(scene.pairs))), scene)
+    assert len(found) == (width > 0.5)
+
+
 def test_two_surfaces_are_no_room() -> None:
     edges, scene = scored(plan(rectangle(0, 0, 5, 4)), {frozenset({0, 1})})
     assert cluster(edges, scene) == []

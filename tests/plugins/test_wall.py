@@ -95,6 +95,26 @@ def test_a_wall_has_a_body_along_all_of_its_sides(lower: list[list[float]], wall
     assert len(cluster(ScoredEdges(scene.pairs, np.ones(len(scene.pairs))), scene)) == walls
 
 
+def double_wall(*inner: tuple[float, int]) -> list[tuple[int, ...]]:
+    """Return the walls of surfaces at y = 0 and 0.4 and others between, if all are likely."""
+    graph = SGraph()
+    for k, (y, up) in enumerate([(0.0, -1), (0.4, 1), *inner]):
+        graph.add_wall_surface(k, [[0, y], [4, y]], [0, up])
+    scene = build_scene(graph.wall_surfaces.ordered())
+    return [c.members for c in cluster(ScoredEdges(scene.pairs, np.ones(len(scene.pairs))), scene)]
+
+
+def test_each_leaf_of_a_double_wall_is_a_wall_and_both_together_are_none() -> None:
+    assert double_wall() == [(0, 1)]
+    assert double_wall((0.15, 1)) == [(0, 2)]
+    assert double_wall((0.25, -1)) == [(1, 2)]
+    assert double_wall((0.15, 1), (0.25, -1)) == [(0, 2), (1, 3)]
+
+
+def test_pieces_of_a_side_that_noise_has_moved_leave_a_wall_whole() -> None:
+    assert double_wall((0.3, 1)) == [(0, 1), (0, 2)]
+
+
 def test_one_surface_may_belong_to_several_walls() -> None:
     graph = plan(rectangle(0, 0, 10, 4), rectangle(0, 4.1, 4.9, 3), rectangle(5.1, 4.1, 4.9, 3))
     assert baseline_walls(graph) == {(2, 4), (2, 8), (5, 11)}

@@ -27,7 +27,7 @@ def speed(
     repeats: Annotated[int, typer.Option(min=1, help="Runs of each stage; the median counts.")] = 5,
     seed: Annotated[int, typer.Option(min=0, help="Of the synthetic maps.")] = 0,
 ) -> None:
-    """Time the stages of inference on synthetic maps, on one thread."""
+    """Time the stages of inference on synthetic maps, on one thread, in processor time."""
     from sgraph_core.detector import Detector
     from sgraph_core.evaluation.speed import SIZES, growth, time_stages
 

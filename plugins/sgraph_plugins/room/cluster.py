@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import shapely
 
 from sgraph_concepts.types import (
     Cluster,
@@ -27,6 +28,8 @@ FEWEST_MEMBERS = 3
 """Two surfaces enclose nothing."""
 ABSORB_LOGIT = -2.0
 """A smaller cluster joins the room of its most likely relation, if that is not less likely."""
+NARROWEST_M = 0.5
+"""Nobody fits into less: the cavity of a double wall is no room."""
 FULL_WEIGHT_M = 1.0
 """What relates surfaces shorter than this counts less, in proportion to their lengths: the end of a
 wall in a doorway sees as much of the one room as of the other."""
@@ -44,7 +47,7 @@ IN_FRONT_M = 0.3
 
 
 def cluster(edges: ScoredEdges, scene: Scene) -> list[Cluster]:
-    """Partition the surfaces by multicut, let stray ones join, and drop what faces outwards."""
+    """Partition the surfaces by multicut, let stray ones join, and drop what is no room."""
     if scene.grid is not None:
         apart = separated(scene.surfaces, edges.pairs, scene.grid, NARROW_M)
         edges = replace(edges, logits=edges.logits + NARROW_LOGIT * apart)
@@ -56,7 +59,7 @@ def cluster(edges: ScoredEdges, scene: Scene) -> list[Cluster]:
         groups = [part for group in groups for part in _by_space(group, surfaces, scene.grid)]
     large = [group for group in groups if len(group) >= FEWEST_MEMBERS]
     small = [group for group in groups if len(group) < FEWEST_MEMBERS]
-    encloses = {group[0]: _encloses(surfaces, np.array(group)) for group in large}
+    encloses = {group[0]: _encloses_a_room(surfaces, np.array(group)) for group in large}
     covered: dict[int, float] = {}
     if scene.grid is not None:
         covered = _covered([g for g in large if encloses[g[0]]], surfaces, scene.grid)
@@ -116,6 +119,20 @@ def _faces(surfaces: SurfaceArrays, one: int, others: list[int]) -> bool:
     """Return whether any of the others reaches in front of a surface: to a facade, no room does."""
     in_front = (surfaces.segments[others] - surfaces.midpoints[one]) @ surfaces.normals[one]
     return bool(in_front.max() > IN_FRONT_M)
+
+
+def _encloses_a_room(surfaces: SurfaceArrays, rows: IntArray) -> bool:
+    """Return whether surfaces face a space between them that is wide enough for a room."""
+    return _encloses(surfaces, rows) and _width(surfaces, rows) >= NARROWEST_M
+
+
+def _width(surfaces: SurfaceArrays, rows: IntArray) -> float:
+    """Return the shorter side of the smallest rectangle around surfaces, 0 if they are in line."""
+    ends = shapely.multipoints(surfaces.segments[rows].reshape(-1, 2))
+    corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(ends))
+    return (
+        float(np.linalg.norm(np.diff(corners, axis=0), axis=1).min()) if len(corners) > 3 else 0.0
+    )
 
 
 def _encloses(surfaces: SurfaceArrays, rows: IntArray) -> bool:

@@ -1,0 +1,67 @@
+"""What a building has in common with a surface."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from plans import block, plan, rectangle
+
+from sgraph_concepts.types import SurfaceArrays
+from sgraph_core.graph import SGraph
+from sgraph_core.support import alignment, collinear_lengths
+
+
+def surfaces(*rows: tuple[list[list[float]], list[float]]) -> SurfaceArrays:
+    graph = SGraph()
+    for number, (segment, normal) in enumerate(rows):
+        graph.add_wall_surface(number, segment, normal)
+    return graph.wall_surfaces.ordered()
+
+
+def test_surfaces_in_line_count_by_their_length_their_distance_and_their_side() -> None:
+    line = surfaces(
+        ([[0, 0], [2, 0]], [0, 1]),
+        ([[6, 0], [9, 0]], [0, 1]),  # its end lies 5 m from the first surface's middle
+        ([[-8, 0.05], [-4, 0.05]], [0, -1]),  # a third of the 10 cm and 5 m / 100 aside that count
+        ([[30, 0], [34, 0]], [0, 1]),
+        ([[0, 3], [2, 3]], [0, -1]),
+        ([[1, 1], [1, 2]], [1, 0]),
+    )
+    same, other = collinear_lengths(line)[0]
+    assert same == pytest.approx(3 * (1 - 5 / 20))  # from the second's end to the first's middle
+    assert other == pytest.approx(4 * (1 - 5 / 20) * (1 - 0.05 / 0.15))
+    assert collinear_lengths(line)[[4, 5]] == pytest.approx(np.zeros((2, 2)))
+
+
+def test_of_a_long_and_a_short_surface_the_long_ones_line_counts() -> None:
+    pair = surfaces(([[0, 0], [6, 0]], [0, 1]), ([[10, 0], [10.4, 0.04]], [-0.0995, 0.995]))
+    lengths = collinear_lengths(pair)[:, 0]
+    weight = (1 - 4.2 / 20) * (1 - 0.04 / 0.142)
+    assert lengths == pytest.approx([weight * pair.lengths[1], weight * 6])
+
+
+def test_the_walls_of_a_block_support_one_another_and_what_stands_askew_has_no_support() -> None:
+    graph = block(0.1)
+    count = 16
+    graph.add_wall_surface(count, [[1.3, 1.1], [1.9, 1.5]], [0.4 / 0.52**0.5, -0.6 / 0.52**0.5])
+    support = collinear_lengths(graph.wall_surfaces.ordered())
+    assert (support[:count].sum(axis=1) > 1).all()
+    assert support[count] == pytest.approx([0, 0])
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.4])
+def test_a_surface_runs_along_or_across_a_building_or_at_45_degrees(angle: float) -> None:
+    graph = plan(rectangle(0, 0, 40, 30), angle_rad=angle)
+    direction = np.array([np.cos(angle + np.pi / 4), np.sin(angle + np.pi / 4)])
+    middle = graph.wall_surfaces.segments.reshape(-1, 2).mean(axis=0)
+    askew = [middle, middle + 0.1 * direction]
+    graph.add_wall_surface(4, askew, [-direction[1], direction[0]])
+    aligned = alignment(graph.wall_surfaces.ordered())
+    assert aligned[:4] == pytest.approx(np.full(4, 139.9 / 140.1), abs=1e-6)
+    assert aligned[4] == pytest.approx(-139.9 / 140.1, abs=1e-6)
+
+
+def test_no_surfaces_have_no_support() -> None:
+    none = surfaces()
+    assert collinear_lengths(none).shape == (0, 2)
+    assert alignment(none).shape == (0,)
