@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from sgraph_concepts.errors import ConceptError
+from sgraph_concepts.errors import ConceptError, one_line
 from sgraph_concepts.registry import RegisteredConcept, Registry
 from sgraph_concepts.spec import WALL_SURFACE
 from sgraph_concepts.types import (
@@ -30,7 +30,7 @@ from sgraph_core.clustering.pinned import pin
 from sgraph_core.concepts import installed
 from sgraph_core.graph import Pins, SGraph
 from sgraph_core.network.runtime import Network
-from sgraph_core.nodes import keep_identity
+from sgraph_core.nodes import check_nodes, keep_identity
 from sgraph_core.pins import PINNED_CONCEPT, RoomPins, check_pins
 from sgraph_core.preprocess import Fragments, preprocess
 from sgraph_core.proximity import build_scene
@@ -122,7 +122,8 @@ class Detector:
             concepts: names of the concepts to infer, together with what they group; all by default.
 
         Raises:
-            InputError: the pins contradict one another or name no pairs of wall surfaces.
+            InputError: the pins contradict one another or name no pairs of wall surfaces, or a node
+                that the graph holds breaks the map file's rules.
             ConceptError: a concept is unknown, or one of its parts returned nonsense.
             WeightsError: the network's weights cannot be used.
         """
@@ -131,7 +132,9 @@ class Detector:
     def trace(self, graph: SGraph, concepts: Sequence[str] | None = None) -> Trace:
         """Infer as :meth:`infer` does, and keep what the nodes follow from."""
         pins = graph.pins or Pins()
-        check_pins(pins, set(graph.wall_surfaces.ids.tolist()))
+        surfaces = set(graph.wall_surfaces.ids.tolist())
+        check_pins(pins, surfaces)
+        check_nodes(graph.concepts, surfaces)
         result, room_pins = graph.copy(), RoomPins(pins)
         fragments = preprocess(graph.wall_surfaces.ordered(), room_pins.let_stand)
         run = Inference(self, fragments, self.scene(fragments.surfaces, graph.grid), room_pins)
@@ -321,7 +324,7 @@ class Inference:
         try:
             return part(*arguments)
         except Exception as error:  # a third party's code may raise anything
-            raise ConceptError(f"{kind} of concept {name!r} fails: {error}") from error
+            raise ConceptError(f"{kind} of concept {name!r} fails: {one_line(error)}") from error
 
 
 def _problem(clusters: object, total: int) -> str:

@@ -26,15 +26,12 @@ from sgraph_core.map_schema import (
     PinsRecord,
     TruthRecord,
 )
+from sgraph_core.nodes import NodeError, check_nodes
 from sgraph_core.pins import PinError, check_pins
 from sgraph_core.tables import LARGEST_ID, RowError
 
 __all__ = ["dump", "load", "parse", "save", "schema"]
 
-PAIR_CONCEPTS = {"wall"}
-"""Concepts whose nodes have exactly two members by the format's definition."""
-SURFACE_CONCEPTS = {"room", "wall"}
-"""Concepts whose members are wall surfaces by the format's definition."""
 ID = re.compile(r"0|[1-9][0-9]{0,15}")
 """An id as the key of an object; a longer one is beyond the largest."""
 
@@ -89,7 +86,7 @@ def parse(data: bytes, path: str | Path = "map") -> SGraph:
     _read_tables(graph, record, path)
     known = {int(i) for i in graph.wall_surfaces.ids}
     if record.concepts is not None:
-        graph.concepts = dict(_read_concepts(record.concepts, known, path))
+        graph.concepts = _read_concepts(record.concepts, known, path)
     if record.pins is not None:
         graph.pins = _read_pins(record.pins, known, path)
     if record.truth is not None:
@@ -225,21 +222,13 @@ def _read_tables(graph: SGraph, record: MapRecord, path: str | Path) -> None:
 
 def _read_concepts(
     records: Mapping[str, list[ConceptRecord]], surfaces: set[int], path: str | Path
-) -> Iterator[tuple[str, list[ConceptNode]]]:
-    nodes = {record.id for concept in records.values() for record in concept}
-    for concept, group in records.items():
-        place = f"concepts.{concept}"
-        _refuse_repeats([record.id for record in group], "id", place, path)
-        known = surfaces if concept in SURFACE_CONCEPTS else surfaces | nodes
-        for k, record in enumerate(group):
-            members = f"{place}[{k}].members"
-            _refuse_unknown(record.members, known, members, path)
-            if len(set(record.members)) != len(record.members):
-                raise MapFileError(path, members, _value(record.members), "must be unique")
-            if concept in PAIR_CONCEPTS and len(record.members) != 2:
-                rule = f"a {concept} has exactly two members"
-                raise MapFileError(path, members, _value(record.members), rule)
-        yield concept, [_node(record) for record in group]
+) -> dict[str, list[ConceptNode]]:
+    concepts = {concept: list(map(_node, group)) for concept, group in records.items()}
+    try:
+        check_nodes(concepts, surfaces)
+    except NodeError as error:
+        raise MapFileError(path, error.place, _value(error.value), error.rule) from error
+    return concepts
 
 
 def _node(record: ConceptRecord) -> ConceptNode:

@@ -10,14 +10,16 @@ surface, whose pins are those of all its copies, unless that makes them contradi
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Literal
 
 from sgraph_concepts.errors import InputError
 from sgraph_concepts.spec import WALL_SURFACE
 from sgraph_core.graph import Pins
+from sgraph_core.tables import ID_RULE, is_id
 
-__all__ = ["PINNED_CONCEPT", "PinError", "Pinned", "RoomPins", "check_pins"]
+__all__ = ["PINNED_CONCEPT", "PinError", "Pinned", "RoomPins", "between_mapped", "check_pins"]
 
 PINNED_CONCEPT = "room"
 """The concept that the names of the pins speak of."""
@@ -41,29 +43,50 @@ class PinError(InputError):
         super().__init__(f"{place} = {value}: {rule}")
 
 
-def check_pins(pins: Pins, surfaces: Collection[int]) -> None:
+def check_pins(pins: Pins, surfaces: Collection[int] | None = None) -> None:
     """Check that pins name pairs of wall surfaces and do not contradict one another.
 
     Args:
         pins: the pins.
-        surfaces: ids of the map's wall surfaces.
+        surfaces: ids of the map's wall surfaces; None where some may be mapped later.
 
     Raises:
         PinError: they break a rule.
     """
     for name, pairs in (("same_room", pins.same_room), ("not_same_room", pins.not_same_room)):
         for k, pair in enumerate(pairs):
+            if not isinstance(pair, tuple) or len(pair) != 2:
+                raise PinError(f"pins.{name}[{k}]", pair, "must be a tuple of two surfaces")
             for side, surface in enumerate(pair):
-                if surface not in surfaces:
-                    place = f"pins.{name}[{k}][{side}]"
+                place = f"pins.{name}[{k}][{side}]"
+                if not is_id(surface):
+                    raise PinError(place, surface, ID_RULE)
+                if surfaces is not None and surface not in surfaces:
                     raise PinError(place, surface, f"must be the id of a {WALL_SURFACE}")
             if pair[0] == pair[1]:
                 raise PinError(f"pins.{name}[{k}]", list(pair), "must be two surfaces")
+    for room, text in pins.room_names.items():
+        if not is_id(room):
+            raise PinError("pins.room_names", room, f"key {ID_RULE}")
+        if not isinstance(text, str):
+            raise PinError(f"pins.room_names[{room}]", text, "must be text")
     groups = _groups(pins.same_room)
     for k, pair in enumerate(pins.not_same_room):
         if _within(pair, groups):
             rule = f"contradicts same_room {_links(pair, pins.same_room)}"
             raise PinError(f"pins.not_same_room[{k}]", list(pair), rule)
+
+
+def between_mapped(pins: Pins, surfaces: Iterable[int]) -> Pins:
+    """Return pins without the pairs that wait for a surface to be mapped."""
+    if not (pins.same_room or pins.not_same_room):
+        return pins
+    mapped = set(surfaces)
+    same, apart = (
+        tuple(pair for pair in pairs if mapped.issuperset(pair))
+        for pairs in (pins.same_room, pins.not_same_room)
+    )
+    return replace(pins, same_room=same, not_same_room=apart)
 
 
 class RoomPins:

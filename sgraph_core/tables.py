@@ -13,6 +13,7 @@ from sgraph_concepts.errors import InputError
 from sgraph_concepts.types import FloatArray, IntArray, SurfaceArrays
 
 __all__ = [
+    "ID_RULE",
     "LARGEST_COORDINATE_M",
     "LARGEST_ID",
     "PERPENDICULAR_TOLERANCE_RAD",
@@ -24,6 +25,7 @@ __all__ = [
     "RowError",
     "Table",
     "WallSurfaces",
+    "is_id",
     "turned",
 ]
 
@@ -31,6 +33,7 @@ Rows = TypeVar("Rows")
 
 LARGEST_ID = 2**53 - 1
 """Ids are integers that every JSON reader holds exactly."""
+ID_RULE = f"must be an integer from 0 to {LARGEST_ID}"
 LARGEST_COORDINATE_M = 1e8
 """Positions beyond this are no map's: UTM needs 1e7, and float64 resolves 15 nm here."""
 NORM_TOLERANCE = 1e-3
@@ -111,6 +114,12 @@ class WallSurfaces:
     normals: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
     heights: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
 
+    def take(self, rows: IntArray) -> WallSurfaces:
+        """Return some of the surfaces."""
+        return WallSurfaces(
+            self.ids[rows], self.segments[rows], self.normals[rows], self.heights[rows]
+        )
+
     def ordered(self) -> SurfaceArrays:
         """Return the surfaces with their endpoints ordered by their normals."""
         along = self.segments[:, 1] - self.segments[:, 0]
@@ -137,6 +146,12 @@ class Observations:
     sigmas: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
 
 
+def is_id(value: object) -> bool:
+    """Return whether a value can be an id."""
+    integer = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    return integer and 0 <= int(value) <= LARGEST_ID  # type: ignore[call-overload]
+
+
 def turned(vectors: FloatArray, quaternions: FloatArray) -> FloatArray:
     """Return vectors [R, 3] turned by quaternions qx, qy, qz, qw [R, 4]."""
     axis, real = quaternions[:, :3], quaternions[:, 3:]
@@ -155,8 +170,11 @@ class Table(Generic[Rows]):
         self._size = 0
 
     def view(self) -> Rows:
-        """Return the rows so far, without copying them."""
-        return self._type(**{name: array[: self._size] for name, array in self._columns.items()})
+        """Return the rows so far, without copying them; only this table may change them."""
+        columns = {name: array[: self._size] for name, array in self._columns.items()}
+        for column in columns.values():
+            column.flags.writeable = False
+        return self._type(**columns)
 
     def append(self, rows: Rows) -> None:
         """Add rows at the end."""

@@ -27,6 +27,7 @@ __all__ = [
     "SGraphError",
     "TrainingError",
     "WeightsError",
+    "one_line",
 ]
 
 _LONGEST_VALUE = 80
@@ -96,3 +97,8 @@ def _shorten(value: object) -> str:
     text = value if isinstance(value, str) else repr(value)
     text = " ".join(text.split())
     return text if len(text) <= _LONGEST_VALUE else f"{text[: _LONGEST_VALUE - 3]}..."
+
+
+def one_line(error: BaseException) -> str:
+    """Return the text of an error that somebody else's code raised, in one line."""
+    return " ".join(str(error).split()) or "no message"

@@ -13,7 +13,7 @@ from typing import Any
 import pluggy
 
 from sgraph_concepts import hookspecs
-from sgraph_concepts.errors import ConceptError, PluginError
+from sgraph_concepts.errors import ConceptError, PluginError, one_line
 from sgraph_concepts.hookspecs import ENTRY_POINT_GROUP
 from sgraph_concepts.spec import WALL_SURFACE, ConceptSpec, resolve
 
@@ -151,7 +151,7 @@ class Registry:
             manager.check_pending()
             manager.hook.sgraph_register(registry=declarations)
         except (Exception, SystemExit) as error:  # a third party's code may raise anything
-            raise PluginError(f"{type(error).__name__}: {_one_line(error)}") from error
+            raise PluginError(f"{type(error).__name__}: {one_line(error)}") from error
         if not declarations.specs:
             raise PluginError("it declares no concept (no sgraph_register hook?)")
         for spec in declarations.specs:
@@ -306,7 +306,3 @@ def _problem(entry_point: EntryPoint, reason: str, remedy: str) -> PluginProblem
 def _remedy(entry_point: EntryPoint) -> str:
     distribution = _distribution(entry_point)
     return f"upgrade it or remove it with 'pip uninstall {distribution}'"
-
-
-def _one_line(error: BaseException) -> str:
-    return " ".join(str(error).split()) or "no message"

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import gtsam
 import numpy as np
 
-from sgraph_concepts.errors import ConceptError
+from sgraph_concepts.errors import ConceptError, one_line
 from sgraph_concepts.types import FactorResult, FloatArray
 
 __all__ = ["check_factors"]
@@ -65,7 +65,7 @@ def _check(
     try:
         jacobian, error = factor.linearize(point).jacobian()
     except Exception as problem:  # a third party's code may raise anything
-        raise ConceptError(f"{what} cannot be linearised: {problem}") from problem
+        raise ConceptError(f"{what} cannot be linearised: {one_line(problem)}") from problem
     if jacobian.shape[1] != point.dim():
         raise ConceptError(
             f"{what}: its Jacobians are {jacobian.shape[1]} wide together, "

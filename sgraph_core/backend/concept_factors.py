@@ -9,7 +9,7 @@ from functools import partial
 import gtsam
 import numpy as np
 
-from sgraph_concepts.errors import ConceptError
+from sgraph_concepts.errors import ConceptError, one_line
 from sgraph_concepts.registry import Registry
 from sgraph_concepts.spec import WALL_SURFACE
 from sgraph_concepts.types import ConceptNode, FactorContext, FactorResult, Memory
@@ -21,6 +21,7 @@ from sgraph_core.backend.low_layers import world_planes
 from sgraph_core.backend.ties import TieNoise, tie_planes
 from sgraph_core.concepts import installed
 from sgraph_core.graph import SGraph
+from sgraph_core.nodes import check_nodes
 
 __all__ = [
     "NO_FACTOR",
@@ -101,10 +102,12 @@ def concept_factors(
             low layers of the S-Graph should be solved.
 
     Raises:
+        InputError: a node breaks the map file's rules.
         ConceptError: a factor type is unknown, a plugin's factor function fails, or its factors
             are not fit for a graph: an error or derivative that is not finite, a Jacobian of the
             wrong width, a variable that another node has.
     """
+    check_nodes(graph.concepts, set(graph.wall_surfaces.ids.tolist()))
     keys, registry = keys or Keys(), registry if registry is not None else installed()
     collected = _Collected(gtsam.NonlinearFactorGraph(), gtsam.Values(), [], [])
     surfaces = np.unique(graph.observations.surface_ids).tolist()
@@ -235,7 +238,7 @@ def made_by(
     try:
         result = make(node, context)
     except Exception as error:  # a third party's code may raise anything
-        raise ConceptError(f"factor of {concept} {node.id} fails: {error}") from error
+        raise ConceptError(f"factor of {concept} {node.id} fails: {one_line(error)}") from error
     if not isinstance(result, FactorResult):
         raise ConceptError(f"factor of concept {concept!r} must return a FactorResult")
     return result

@@ -14,8 +14,9 @@ from sgraph_core.backend.back_projection import moved
 from sgraph_core.backend.concept_factors import concept_factors, propose, with_ties
 from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.low_layers import low_layers
-from sgraph_core.backend.robust import Refusal, solve, solve_robustly
+from sgraph_core.backend.robust import Refusal, error_of, solve, solve_robustly
 from sgraph_core.graph import SGraph
+from sgraph_core.nodes import check_nodes
 
 __all__ = ["Optimization", "optimize"]
 
@@ -77,8 +78,10 @@ def optimize(
     Raises:
         OptimizationError: there is nothing to optimise, odometry does not connect all keyframes,
             or the problem is under-determined.
+        InputError: a node breaks the map file's rules.
         ConceptError: a factor type is unknown, or a plugin's factors are not fit for a graph.
     """
+    check_nodes(graph.concepts, set(graph.wall_surfaces.ids.tolist()))
     keys = Keys()
     low = low_layers(graph, keys)
     initial = low.graph.error(low.values)
@@ -113,7 +116,7 @@ def optimize(
         current,
         values,
         initial,
-        factors.error(values),
+        error_of(factors, values),
         factors.size(),
         iterations,
         found,

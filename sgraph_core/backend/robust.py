@@ -8,12 +8,22 @@ from dataclasses import dataclass
 import gtsam
 from scipy.special import chdtri
 
-from sgraph_concepts.errors import OptimizationError
+from sgraph_concepts.errors import ConceptError, OptimizationError, one_line
 from sgraph_core.backend.concept_factors import ConceptFactors, FactorGroup
 from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.low_layers import LowLayers
 
-__all__ = ["Refusal", "RobustSolution", "solve", "solve_robustly"]
+__all__ = [
+    "STRETCH",
+    "Refusal",
+    "RobustSolution",
+    "error_of",
+    "keys_of",
+    "misfit",
+    "solve",
+    "solve_robustly",
+    "worst_of",
+]
 
 REJECTION = 1e-3
 """Probability with which correct factors are switched off."""
@@ -72,8 +82,15 @@ def solve(factors: gtsam.NonlinearFactorGraph, start: gtsam.Values) -> tuple[gts
         optimizer = gtsam.LevenbergMarquardtOptimizer(factors, start)
         return optimizer.optimize(), int(optimizer.iterations())
     except Exception as error:  # a third party's factors may raise anything
-        reason = " ".join(str(error).split())
-        raise OptimizationError(f"the factor graph cannot be solved: {reason}") from error
+        raise OptimizationError(f"the factor graph cannot be solved: {one_line(error)}") from error
+
+
+def error_of(factors: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> float:
+    """Return half the sum of squared whitened residuals. Raises OptimizationError as solve does."""
+    try:
+        return float(factors.error(values))
+    except Exception as error:  # a third party's factors may raise anything
+        raise OptimizationError(f"a factor fails in the solution: {one_line(error)}") from error
 
 
 def solve_robustly(
@@ -144,25 +161,61 @@ def _worst(
     own = concepts.values.dims()
     found = []
     for group in groups:
-        refusal, keys = _misfit(concepts, group, values, own)
+        factors = [concepts.graph.at(index) for index in group.indices]
+        refusal = misfit(group.concept, group.node, group.surfaces, factors, own, values)
         if refusal is not None:
+            keys = keys_of(factors)
             found.append((refusal, set[int]().union(*(near.get(key, ()) for key in keys))))
+    return worst_of(found)
+
+
+def misfit(
+    concept: str,
+    node: int,
+    surfaces: tuple[int, ...],
+    factors: Sequence[gtsam.NonlinearFactor],
+    own: Mapping[int, int],
+    values: gtsam.Values,
+) -> Refusal | None:
+    """Return why factors that stand or fall together contradict a solution, None if they fit.
+
+    Args:
+        concept: whose they are.
+        node: id of the concept's node.
+        surfaces: ids of the surfaces of a tie.
+        factors: all of them.
+        own: degrees of freedom of variables that nothing else refers to, by key.
+        values: the solution.
+
+    Raises:
+        ConceptError: a factor fails.
+    """
+    freedom = sum(factor.dim() for factor in factors)
+    freedom -= sum(own.get(key, 0) for key in keys_of(factors))
+    try:
+        squares = 2 * sum(factor.error(values) for factor in factors)
+    except Exception as error:  # a third party's factors may raise anything
+        raise ConceptError(f"factor of {concept} {node} fails: {one_line(error)}") from error
+    threshold = float(chdtri(freedom, REJECTION)) if freedom > 0 else float("inf")
+    if squares <= threshold:
+        return None
+    return Refusal(concept, node, surfaces, squares, threshold, freedom)
+
+
+def keys_of(factors: Sequence[gtsam.NonlinearFactor]) -> set[int]:
+    """Return the keys of all variables that factors refer to."""
+    return {key for factor in factors for key in factor.keys()}  # noqa: SIM118
+
+
+def worst_of(misfits: Sequence[tuple[Refusal, set[int]]]) -> list[Refusal]:
+    """Return the misfits that no worse one was seen near.
+
+    Args:
+        misfits: each with the stretches of the drive that saw its surfaces.
+    """
     worst, claimed = [], set[int]()
-    for refusal, stretches in sorted(found, key=lambda f: -f[0].squares / f[0].threshold):
+    for refusal, stretches in sorted(misfits, key=lambda m: -m[0].squares / m[0].threshold):
         if claimed.isdisjoint(stretches):
             worst.append(refusal)
         claimed |= stretches
     return worst
-
-
-def _misfit(
-    concepts: ConceptFactors, group: FactorGroup, values: gtsam.Values, own: dict[int, int]
-) -> tuple[Refusal | None, set[int]]:
-    factors = [concepts.graph.at(index) for index in group.indices]
-    keys = {key for factor in factors for key in factor.keys()}  # noqa: SIM118
-    freedom = sum(factor.dim() for factor in factors) - sum(own.get(key, 0) for key in keys)
-    squares = 2 * sum(factor.error(values) for factor in factors)
-    threshold = float(chdtri(freedom, REJECTION)) if freedom > 0 else float("inf")
-    if squares <= threshold:
-        return None, keys
-    return Refusal(group.concept, group.node, group.surfaces, squares, threshold, freedom), keys

@@ -7,7 +7,7 @@ from dataclasses import replace
 import gtsam
 import numpy as np
 
-from sgraph_concepts.errors import OptimizationError
+from sgraph_concepts.errors import OptimizationError, one_line
 from sgraph_concepts.types import FloatArray, IntArray
 from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.low_layers import PRIOR_SIGMA, pose3
@@ -111,9 +111,10 @@ class Mapper:
         try:
             self._isam.update(factors, values)
         except RuntimeError as error:
-            reason = " ".join(str(error).split())
             number = len(self.poses) - 1
-            raise OptimizationError(f"keyframe {number} cannot be mapped: {reason}") from error
+            raise OptimizationError(
+                f"keyframe {number} cannot be mapped: {one_line(error)}"
+            ) from error
 
     def _aligned(
         self, pose: FloatArray, sigmas: FloatArray, observed: ObservedSurfaces

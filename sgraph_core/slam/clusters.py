@@ -1,9 +1,11 @@
 """The clusters of one concept, kept up to date: only what changed scores can reach is cut anew.
 
 Fragments that are joined by pairs more likely related than not, directly or over others, form a
-*component*. What a clusterer decides about a component depends on its scores and, where left-over
-fragments join a neighbour, on the components next to it. So the components with changed scores and
-those next to them are decided anew, in a scene that also holds all that is next to these.
+*component*, and so do all fragments of surfaces that are pinned together. What a clusterer decides
+about a component depends on its scores and, where left-over fragments join a neighbour, on the
+components next to it; surfaces that are pinned apart count as next to each other. So the components
+with changed scores or pins and those next to them are decided anew, in a scene that also holds all
+that is next to these.
 """
 
 from __future__ import annotations
@@ -16,8 +18,10 @@ import numpy as np
 from sgraph_concepts.registry import RegisteredConcept
 from sgraph_concepts.types import Cluster, IntArray, ScoredEdges
 from sgraph_core.detector import Detector, Inference
+from sgraph_core.pins import PINNED_CONCEPT
 from sgraph_core.slam.fragments import Changed, LiveFragments
 from sgraph_core.slam.pairs import LivePairs
+from sgraph_core.slam.pins import NO_PINS, PairPins
 from sgraph_core.slam.pool import rows_of, rows_where
 
 __all__ = ["LiveClusters", "Members"]
@@ -63,6 +67,7 @@ class LiveClusters:
     ) -> None:
         self._concept, self._column, self._detector = concept, column, detector
         self._fragments, self._pairs = fragments, pairs
+        self._is_pinned = concept.spec.name == PINNED_CONCEPT
         self._of_row: dict[int, set[_Found]] = {}
         self._giving: dict[Members, set[_Found]] = {}
         self._repeated: set[int] = set()
@@ -81,11 +86,13 @@ class LiveClusters:
         removed = changed.removed
         self._repeated = set(changed.repeated.tolist())
         touched = np.union1d(touched, changed.repeated)
+        if self._is_pinned:
+            touched = np.union1d(touched, changed.repinned)
         orphans = np.setdiff1d(self._mates(removed), removed)
         core = self._components(np.union1d(touched, orphans))
-        inner = self._whole(self._pairs.neighbours(core))
+        inner = self._whole(self._next_to(core))
         while True:
-            context = self._components(self._pairs.neighbours(inner))
+            context = self._components(self._next_to(inner))
             new = self._cluster(context, inner)
             held = rows_where(*(rows_of(found.rows) for found in new), inner)
             if len(held) == len(inner):
@@ -130,13 +137,26 @@ class LiveClusters:
                 return np.asarray(wider)
             rows = wider
 
+    @property
+    def _pins(self) -> PairPins:
+        return self._fragments.pins if self._is_pinned else NO_PINS
+
+    def _next_to(self, rows: IntArray) -> IntArray:
+        apart = self._fragments.of_parents(self._pins.apart(self._parents(rows)))
+        return np.union1d(self._pairs.neighbours(rows), apart)
+
+    def _parents(self, rows: IntArray) -> set[int]:
+        """Return the surfaces of fragments, for what is pinned about them."""
+        return set(self._fragments.fragments["parent"][rows].tolist()) if self._pins else set()
+
     def _components(self, rows: IntArray) -> IntArray:
         whole = latest = rows
         while len(latest):
             pairs = self._pairs.related(latest)
             likely = self._pairs.pairs["logits"][pairs, self._column] > 0
             ends = self._pairs.pairs["ends"][pairs[likely]]
-            wider = rows_where(whole, ends.ravel())
+            pinned = self._fragments.of_parents(self._pins.together(self._parents(latest)))
+            wider = rows_where(whole, ends.ravel(), pinned)
             latest = np.setdiff1d(wider, whole, assume_unique=True)
             whole = wider
         return whole
@@ -146,7 +166,8 @@ class LiveClusters:
         rows = self._fragments.in_order(rows)
         scene, pairs = self._pairs.scene(rows)
         edges = ScoredEdges(scene.pairs, self._pairs.pairs["logits"][pairs, self._column])
-        inference = Inference(self._detector, self._fragments.take(rows), scene)
+        pins = self._pins.among(self._parents(rows))
+        inference = Inference(self._detector, self._fragments.take(rows), scene, pins)
         known = {found.rows: found for found in self._holding(inner)}
         counts = set(inner.tolist())
         result = []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,7 @@ from sgraph_core.preprocess import (
     drop_duplicates,
     split,
 )
+from sgraph_core.slam.pins import NO_PINS, PairPins
 from sgraph_core.slam.pool import Pool, boxes_around, rows_of
 from sgraph_core.support import SUPPORT
 
@@ -30,12 +31,14 @@ class Changed:
         removed: rows of fragments that are gone; their columns can still be read.
         added: rows of new ones.
         repeated: rows of those that stand for other surfaces than before.
+        repinned: rows of those whose pins are others than before.
         preprocessed: how many surfaces were looked at.
     """
 
     removed: IntArray
     added: IntArray
     repeated: IntArray
+    repinned: IntArray
     preprocessed: int
 
 
@@ -47,6 +50,8 @@ class LiveFragments:
         fragments: theirs: ``parent`` id, ``segment``, ``normal``, ``box``, and for its users to
             fill in ``reach``, how far a fragment looks for its neighbours, ``in_line``, the lengths
             of others in line with it, and ``support``, what it was last scored by.
+        pins: pins between fragments' parents; those of a surface that was dropped are its
+            original's.
     """
 
     def __init__(self) -> None:
@@ -69,12 +74,21 @@ class LiveFragments:
         self._rows_of: dict[int, list[int]] = {}
         self._original: dict[int, int] = {}
         self._copies: dict[int, set[int]] = {}
+        self._pins = self.pins = NO_PINS
 
-    def update(self, surfaces: SurfaceArrays) -> Changed:
-        """Take new surfaces in, and those among them that are known as they are now."""
+    def update(self, surfaces: SurfaceArrays, pins: PairPins = NO_PINS) -> Changed:
+        """Take new surfaces in, and those among them that are known as they are now.
+
+        Args:
+            surfaces: in world coordinates.
+            pins: all pins between surfaces that are known by now.
+        """
         known = [self._row[i] for i in surfaces.ids.tolist() if i in self._row]
         before = self.parents["box"][known].copy()
         rows = self._store(surfaces)
+        repinned = pins.differing(self._pins)
+        self._pins = pins
+        rows = np.union1d(rows, rows_of(self._row[i] for i in repinned))
         related = self._possible_repeats(rows, before)
         touched = np.concatenate([before, self.parents["box"][related]])
         restated = self._decide_duplicates(related)
@@ -87,8 +101,18 @@ class LiveFragments:
         pieces = pieces.take(np.isin(pieces.ids, ids[targets]))
         concerned = ids[np.union1d(targets, related)]
         removed, added = self._exchange(concerned, pieces)
-        repeated = rows_of(row for i in restated for row in self._rows_of.get(i, ()))
-        return Changed(removed, added, repeated, len(np.union1d(context, related)))
+        before_pins, self.pins = self.pins, pins.taken_over(self._original)
+        return Changed(
+            removed,
+            added,
+            self.of_parents(restated),
+            self.of_parents(self.pins.differing(before_pins)),
+            len(np.union1d(context, related)),
+        )
+
+    def of_parents(self, parents: Iterable[int]) -> IntArray:
+        """Return the rows of all fragments of some surfaces."""
+        return rows_of(row for i in parents for row in self._rows_of.get(i, ()))
 
     def duplicates(self, parents: IntArray) -> Mapping[int, int]:
         """Return who stands for each surface that repeats one of some surfaces, by id."""
@@ -131,7 +155,7 @@ class LiveFragments:
         """Return the surfaces whose standing for one another may depend on the changed ones.
 
         Chains of surfaces that come close and face the same way: who repeats whom is decided
-        within such a chain.
+        within such a chain, or, where pins link them, within several.
         """
         boxes, normals = self.parents["box"], self.parents["normal"]
         chain = np.union1d(rows, self.parents.meeting("box", before, DUPLICATE_OFFSET_M))
@@ -141,7 +165,10 @@ class LiveFragments:
                 self.parents.meeting("box", boxes[latest], DUPLICATE_OFFSET_M), chain
             )
             same_way = normals[near] @ normals[latest].T > np.cos(DUPLICATE_ANGLE_RAD)
-            latest = near[same_way.any(axis=1)]
+            pinned = self.parents["id"][latest].tolist() if self._pins else ()
+            linked = self._pins.together(pinned) | self._pins.apart(pinned)
+            latest = np.union1d(near[same_way.any(axis=1)], rows_of(self._row[i] for i in linked))
+            latest = np.setdiff1d(latest, chain)
             chain = np.union1d(chain, latest)
         return chain
 
@@ -149,7 +176,8 @@ class LiveFragments:
         """Decide who stands for whom; return the ids of those that stand for others than before."""
         ids = self.parents["id"][rows].tolist()
         before = {(copy, self._original.pop(copy)) for copy in ids if copy in self._original}
-        _, stands_for = drop_duplicates(self._surfaces(rows))
+        pins = self._pins.among(set(ids))
+        _, stands_for = drop_duplicates(self._surfaces(rows), pins.let_stand)
         self._original |= stands_for
         after = set(stands_for.items())
         for copy, original in before - after:

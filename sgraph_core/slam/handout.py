@@ -54,6 +54,14 @@ class Ledger:
         """How many factors of the last handout have no indices yet."""
         return sum(count for _, count in self._waiting)
 
+    def require_placed(self) -> None:
+        """Raise an InputError if factors of the last handout have no indices yet."""
+        if self.waiting:
+            raise InputError(
+                f"the last update has {self.waiting} factors: "
+                "say with placed() at which indices they are"
+            )
+
     def prepare(self, gone: Iterable[Owner], made: Sequence[tuple[Owner, FactorResult]]) -> Handout:
         """Return what replaces the factors of some nodes; nothing is remembered yet.
 

@@ -14,6 +14,7 @@ from sgraph_core.detector import Detector, Inference
 from sgraph_core.slam.clusters import LiveClusters, Members
 from sgraph_core.slam.fragments import LiveFragments
 from sgraph_core.slam.pairs import LivePairs
+from sgraph_core.slam.pins import NO_PINS, PairPins
 from sgraph_core.slam.relations import LiveRelations
 from sgraph_core.slam.shapes import LiveShapes
 from sgraph_core.slam.support import LiveSupport
@@ -61,7 +62,7 @@ class LiveInference:
                 "on a changing map they must be the visible ones"
             )
         self._detector, self._concepts = detector, concepts
-        self._fragments = LiveFragments()
+        self._fragments, self._pins = LiveFragments(), NO_PINS
         self._pairs = LivePairs(self._fragments.fragments, origin, len(concepts))
         self._support = LiveSupport(self._fragments.fragments, origin)
         self._relations = LiveRelations(detector, concepts, self._pairs)
@@ -74,16 +75,23 @@ class LiveInference:
             for concept in concepts
         }
 
-    def update(self, surfaces: SurfaceArrays) -> tuple[dict[str, set[Members]], Work]:
+    def update(
+        self, surfaces: SurfaceArrays, pins: PairPins
+    ) -> tuple[dict[str, set[Members]], Work]:
         """Take new surfaces in, and those among them that are known as they are now.
+
+        Args:
+            surfaces: in world coordinates.
+            pins: all pins between surfaces that are known by now.
 
         Returns:
             By concept, the members of all nodes that may have come, gone or changed; and what was
             computed for it.
         """
-        if not len(surfaces):
+        if not (len(surfaces) or pins.differing(self._pins)):
             return {concept.spec.name: set() for concept in self._concepts}, Work()
-        changed = self._fragments.update(surfaces)
+        self._pins = pins
+        changed = self._fragments.update(surfaces, pins)
         pairs = self._pairs.update(changed)
         self._relations.forget(changed.removed.tolist())
         ends = np.union1d(pairs.ends, changed.added)

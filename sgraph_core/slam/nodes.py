@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 
 from sgraph_concepts.errors import InputError
 from sgraph_concepts.types import ConceptNode, NodeShape
@@ -23,7 +24,7 @@ class NodeChanges:
 
     Attributes:
         added: new ones, by id.
-        changed: those with other members, another shape or another confidence, as they are now.
+        changed: those with other members, another shape, confidence or name, as they are now.
         removed: those that are gone, as they were.
     """
 
@@ -68,12 +69,17 @@ class LiveNodes:
         return [self.by_id[i] for i in sorted(self._of_member.get(member, ()))]
 
     def compare(
-        self, now: Mapping[Members, float | None]
+        self, now: Mapping[Members, float | None], names: Mapping[int, str]
     ) -> tuple[NodeChanges, dict[int, Members]]:
         """Return what changes when there are nodes of these members, this sure, or none.
 
         A node persists in one of the same members, else in one that shares half of the smaller
-        one's members or more, matched one to one; an id is not used again.
+        one's members or more, matched one to one; an id is not used again. Once there are nodes,
+        new ones get no id that has a name.
+
+        Args:
+            now: how sure the nodes are, None for those that are not, by their members.
+            names: names decided by a person, by node id.
 
         Returns:
             The changes, shapes not yet looked at; the members of all nodes that there are of
@@ -95,15 +101,18 @@ class LiveNodes:
                     changed.append(replace(before, confidence=confidence))
         came.sort(key=lambda node: node.members)
         gone = _by_id(gone)
-        inherited = persisting(came, gone, {})
+        inherited = persisting(came, gone, names)
         changed += [
             replace(before, members=came[k].members, confidence=came[k].confidence)
             for k, before in inherited.items()
         ]
         new = [node for k, node in enumerate(came) if k not in inherited]
-        if self._next + len(new) > LARGEST_ID + 1:
+        taken = names if self.by_id else ()
+        free = (i for i in range(self._next, LARGEST_ID + 1) if i not in taken)
+        ids = list(islice(free, len(new)))
+        if len(ids) < len(new):
             raise InputError(f"there is no id left for a {self._concept}")
-        added = [replace(node, id=self._next + k) for k, node in enumerate(new)]
+        added = [replace(node, id=i) for node, i in zip(new, ids, strict=True)]
         there |= {node.id: frozenset(node.members) for node in (*added, *changed)}
         kept = {before.id for before in inherited.values()}
         return NodeChanges(added, changed, [node for node in gone if node.id not in kept]), there
@@ -121,6 +130,20 @@ class LiveNodes:
             for nodes in (changes.added, changes.changed)
         )
         return NodeChanges(added, _by_id([*changed, *others]), _by_id(changes.removed))
+
+    def named(self, changes: NodeChanges, names: Mapping[int, str]) -> NodeChanges:
+        """Return changes after which the nodes have these names, and others keep theirs."""
+        told = {node.id for node in (*changes.changed, *changes.removed)}
+        others = [
+            self.by_id[i]
+            for i, name in names.items()
+            if i in self.by_id and i not in told and self.by_id[i].name != name
+        ]
+        added, changed = (
+            [replace(node, name=names.get(node.id, node.name)) for node in nodes]
+            for nodes in (changes.added, [*changes.changed, *others])
+        )
+        return NodeChanges(added, _by_id(changed), changes.removed)
 
     def replaced_by(self, nodes: Sequence[ConceptNode]) -> NodeChanges:
         """Return what changes when there are these nodes and no others."""

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import fields
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import gtsam
 import networkx as nx
 import numpy as np
 
-from sgraph_concepts.errors import OptimizationError
+from sgraph_concepts.errors import OptimizationError, one_line
 from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.low_layers import (
     add_observations,
@@ -19,9 +19,7 @@ from sgraph_core.backend.low_layers import (
     vertical_planes,
 )
 from sgraph_core.graph import SGraph
-
-if TYPE_CHECKING:
-    from sgraph_core.slam.tracker import Update
+from sgraph_core.slam.update import Update
 
 __all__ = ["Smoother"]
 
@@ -67,8 +65,13 @@ class Smoother:
         if lost:
             raise OptimizationError(f"odometry does not connect keyframe {lost[0]} to the others")
 
-    def add(self, graph: SGraph, update: Update) -> list[int]:
+    def add(self, graph: SGraph, update: Update, anew: bool = False) -> list[int]:
         """Add what is new in a graph that :meth:`check` accepts, and an update's factors.
+
+        Args:
+            graph: the low layers.
+            update: what to add and to remove.
+            anew: linearise anew all that has moved, which ISAM2 does by itself now and then.
 
         Returns:
             The indices of the update's factors.
@@ -94,7 +97,7 @@ class Smoother:
         own = factors.size()
         factors.push_back(update.factors)
         values.insert(update.values)
-        indices = self._solve(factors, values, update.remove)
+        indices = self._solve(factors, values, update.remove, anew)
         self._keyframes, self._odometry = len(graph.keyframes.ids), len(graph.odometry.poses)
         self._observations = len(graph.observations.planes)
         self._connected.update(keyframes.ids.tolist())
@@ -107,15 +110,21 @@ class Smoother:
         return self._isam.calculateEstimate()
 
     def _solve(
-        self, factors: gtsam.NonlinearFactorGraph, values: gtsam.Values, remove: list[int]
+        self,
+        factors: gtsam.NonlinearFactorGraph,
+        values: gtsam.Values,
+        remove: list[int],
+        anew: bool,
     ) -> list[int]:
         params = gtsam.ISAM2UpdateParams()
+        params.force_relinearize = anew
         params.removeFactorIndices = remove
         try:
             result = self._isam.update(factors, values, params)
-        except RuntimeError as error:
-            reason = " ".join(str(error).split())
-            raise OptimizationError(f"the factor graph cannot be solved: {reason}") from error
+        except Exception as error:  # a third party's factors may raise anything
+            raise OptimizationError(
+                f"the factor graph cannot be solved: {one_line(error)}"
+            ) from error
         return list(result.getNewFactorsIndices())
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Container, Mapping, Sequence
+from copy import deepcopy
+from dataclasses import replace
 from threading import RLock
 
 import gtsam
@@ -15,56 +15,39 @@ from sgraph_concepts.errors import ConceptError, InputError, OptimizationError
 from sgraph_concepts.spec import WALL_SURFACE
 from sgraph_concepts.types import (
     ConceptNode,
-    FactorContext,
     FactorResult,
     FloatArray,
-    IntArray,
     Memory,
     SurfaceArrays,
 )
-from sgraph_core.backend.association import Association, Proposal, Same, associate
-from sgraph_core.backend.checks import check_factors
-from sgraph_core.backend.concept_factors import NO_FACTOR, made_by, ties
+from sgraph_core.backend.association import Same
 from sgraph_core.backend.keys import Keys
-from sgraph_core.backend.low_layers import vertical_planes
+from sgraph_core.backend.robust import Refusal
 from sgraph_core.detector import Detector
-from sgraph_core.graph import SGraph
+from sgraph_core.graph import Pins, SGraph
+from sgraph_core.nodes import check_nodes
+from sgraph_core.pins import PINNED_CONCEPT, between_mapped, check_pins
 from sgraph_core.slam.clusters import Members
 from sgraph_core.slam.estimate import moves
-from sgraph_core.slam.handout import Handout, Ledger, Owner
+from sgraph_core.slam.factors import FactorMakers
+from sgraph_core.slam.handout import Ledger, Owner
 from sgraph_core.slam.inference import LiveInference, Work
+from sgraph_core.slam.misfits import Misfits
 from sgraph_core.slam.nodes import LiveNodes, NodeChanges
+from sgraph_core.slam.pins import PairPins
 from sgraph_core.slam.pool import Pool
 from sgraph_core.slam.smoother import Smoother
-from sgraph_core.tables import WallSurfaces
+from sgraph_core.slam.ties import tied_anew
+from sgraph_core.slam.update import Update, update_of
 
-__all__ = ["ConceptTracker", "Update"]
+__all__ = ["ConceptTracker"]
 
-FactorMaker = Callable[[ConceptNode, FactorContext], FactorResult]
+MOST_STEPS = 30
+"""Of ISAM2 in one call, while there are misfits."""
+Subject = Owner | tuple[str, Members]
+"""A tie, or a concept and the members of a node."""
 Mapped = tuple[FloatArray, FloatArray]
 """Segment and normal of a surface."""
-
-
-@dataclass(frozen=True, eq=False)
-class Update:
-    """What an update asks a factor graph to do, and what became of the nodes.
-
-    Attributes:
-        factors: factors to add.
-        values: initial values of variables that are new.
-        remove: indices of factors to remove, as :meth:`ConceptTracker.placed` was told them: those
-            of nodes that are gone, or whose factors are among those to add.
-        unused: keys of variables that no factor refers to any more; ISAM2 drops them by itself.
-        nodes: what became of each concept's nodes.
-        work: what was computed.
-    """
-
-    factors: gtsam.NonlinearFactorGraph
-    values: gtsam.Values
-    remove: list[int]
-    unused: list[int]
-    nodes: Mapping[str, NodeChanges]
-    work: Work
 
 
 class ConceptTracker:
@@ -83,7 +66,8 @@ class ConceptTracker:
     turns.
 
     Args:
-        graph: a map to begin with; it is copied. Its nodes give their ids and names on.
+        graph: a map to begin with; it is copied. Its nodes give their ids and names on, its pins
+            hold, as in :meth:`pin`.
         detector: infers the concepts.
         keys: the keys of keyframes, surfaces and nodes.
         factor_types: by concept, another factor type than the declared one; see
@@ -93,7 +77,8 @@ class ConceptTracker:
             as unmoved.
 
     Raises:
-        InputError: the graph has pins, or the tolerance is negative.
+        InputError: the graph's pins contradict one another, a node of it breaks the map file's
+            rules, or the tolerance is negative.
         ConceptError: a concept or a factor type is unknown.
     """
 
@@ -108,8 +93,8 @@ class ConceptTracker:
     ) -> None:
         self._lock = RLock()
         self._graph = SGraph() if graph is None else graph.copy()
-        if self._graph.pins is not None:
-            raise InputError("pins are for whole maps: a ConceptTracker takes a graph without them")
+        check_pins(self._graph.pins or Pins())
+        check_nodes(self._graph.concepts, set(self._graph.wall_surfaces.ids.tolist()))
         if not tolerance_m >= 0:
             raise InputError(f"tolerance_m = {tolerance_m}: must not be negative")
         self._detector = Detector() if detector is None else detector
@@ -119,12 +104,15 @@ class ConceptTracker:
             self._detector.registry.select(None if concepts is None else list(concepts))
         )
         self._grouping_surfaces = [c for c in self._concepts if c.spec.groups == WALL_SURFACE]
-        self._makers = self._factor_makers(factor_types or {})
+        self._makers = FactorMakers(
+            self._detector.registry, self._grouping_surfaces, factor_types or {}, self._keys
+        )
         self._nodes = {
             c.spec.name: LiveNodes(c.spec.name, self._graph.concepts.get(c.spec.name, ()))
             for c in self._concepts
         }
-        self._ledger = Ledger()
+        self._ledger, self._misfits = Ledger(), Misfits(self._keys)
+        self._off: dict[Subject, Refusal] = {}
         self._live: LiveInference | None = None
         self._mapped: dict[int, Mapped] = {}
         self._origin: FloatArray | None = None
@@ -154,15 +142,56 @@ class ConceptTracker:
             return [node for _, node in sorted(self._nodes[concept].by_id.items())]
 
     def snapshot(self) -> SGraph:
-        """Return a copy of the map with its concepts; the time this takes grows with the map."""
+        """Return a copy of the map with its concepts; the time this takes grows with the map.
+
+        Of the pins it holds the names and those between surfaces that are mapped.
+        """
         with self._lock:
             graph = self._graph.copy()
+            if graph.pins is not None:
+                graph.pins = between_mapped(graph.pins, graph.wall_surfaces.ids.tolist())
             for concept in self._concepts:
                 name, groups = concept.spec.name, concept.spec.groups
                 graph.concepts[name] = self.nodes(name)
                 if groups != WALL_SURFACE:
                     graph.groups[name] = groups
             return graph
+
+    @property
+    def pins(self) -> Pins:
+        """What is pinned; pairs that wait for a surface to be mapped are included."""
+        with self._lock:
+            return self._graph.pins or Pins()
+
+    def pin(self, pins: Pins) -> None:
+        """Let pins hold from the next update on, instead of those before.
+
+        Rooms are then as :meth:`sgraph_core.Detector.infer` finds them with these pins. A pair
+        waits until both surfaces are mapped, a name until there is a room of its id.
+
+        Args:
+            pins: all of them: to add some, ``dataclasses.replace(tracker.pins, ...)``.
+
+        Raises:
+            InputError: they contradict one another, those that wait included, or name no pairs of
+                ids.
+        """
+        check_pins(pins)
+        with self._lock:
+            self._graph.pins = deepcopy(pins)
+
+    @property
+    def refusals(self) -> list[Refusal]:
+        """Why factors of nodes and ties that there are are switched off."""
+        with self._lock:
+            ties = [self._off[owner] for owner in self._ties if owner in self._off]
+            nodes = [
+                replace(self._off[name, frozenset(node.members)], node=node.id)
+                for name in self._makers.concepts
+                for node in self.nodes(name)
+                if (name, frozenset(node.members)) in self._off
+            ]
+            return nodes + ties
 
     # -- what the front end finds ----------------------------------------------------------------
 
@@ -227,19 +256,26 @@ class ConceptTracker:
                         self._pending.add(surface)
 
     def follow(self, values: gtsam.Values) -> None:
-        """Move keyframes and surfaces to where an optimiser has them.
+        """Move keyframes and surfaces to where an optimiser has them, and test the factors.
 
         A surface is carried along by the keyframes that observed it, and put onto its plane. The
-        time this takes grows with the map.
+        time this takes grows with the map. Factors that contradict the solution (the chi-squared
+        test of :mod:`sgraph_core.backend.robust`) leave with the next update.
 
         Args:
             values: of variables on the tracker's keys; what it does not hold stays where it is.
 
         Raises:
             InputError: a value breaks the map file's rules.
+            ConceptError: a plugin's factor fails.
         """
         with self._lock:
-            self.move(*moves(self._graph, self._keys, values))
+            keyframes, surfaces, planes = moves(self._graph, self._keys, values)
+            verdict = self._misfits.verdict
+            if not self._ledger.waiting:
+                verdict = self._misfits.judge(self._graph, values, *planes)
+            self.move(keyframes, surfaces)
+            self._misfits.verdict = verdict
 
     # -- what follows --------------------------------------------------------------------------
 
@@ -283,28 +319,23 @@ class ConceptTracker:
             OptimizationError: as :meth:`optimize` raises it, on a graph of the tracker's own.
         """
         with self._lock:
-            self._require_placed()
-            proposals = [
-                Proposal(owner[0], owner[1], pairs) for owner, pairs in self._proposals.items()
-            ]
-            proposed = {frozenset(pair) for proposal in proposals for pair in proposal.pairs}
-            same = [pair for pair in self._ties.values() if frozenset(pair.pair) in proposed]
-            new = associate(self._graph, proposals, Association(same)).same
-            tied: dict[Owner, Same] = {("same", *pair.pair): pair for pair in (*same, *new)}
-            fresh = {owner: pair for owner, pair in tied.items() if owner not in self._ties}
-            factors = ties(list(fresh.values()), self._graph, self._keys)
-            handout = self._ledger.prepare(
-                self._ties.keys() - tied.keys(), list(zip(fresh, factors, strict=True))
-            )
+            self._ledger.require_placed()
+            tied, made = tied_anew(self._graph, self._keys, self._proposals, self._ties, self._off)
+            handout = self._ledger.prepare(self._ties.keys() - tied.keys(), made)
             self._ledger.commit(handout)
+            self._misfits.take(handout, tied)
+            for owner in handout.gone:
+                self._off.pop(owner, None)
             self._ties = tied
-            update = _update_of(handout, {}, Work())
+            update = update_of(handout, {}, [], Work())
             if self._smoother is not None:
-                self._take(self._smoother, update)
+                update = replace(update, refusals=self._take(self._smoother, update))
             return update
 
     def optimize(self) -> Update:
         """Update, optimise the map with its concepts by ISAM2, and :meth:`follow` the solution.
+
+        What contradicts it is switched off at once, and the map optimised again.
 
         Raises:
             InputError: the factors of an update went to a graph of the caller's.
@@ -318,36 +349,58 @@ class ConceptTracker:
             smoother = self._smoother or Smoother(self._keys)
             smoother.check(self._graph)
             update = self._update()
-            self._take(smoother, update)
-            return update
+            return replace(update, refusals=[*update.refusals, *self._take(smoother, update)])
 
-    def _take(self, smoother: Smoother, update: Update) -> None:
-        """Take an update's factors into the tracker's own graph, and follow the solution."""
+    def _take(self, smoother: Smoother, update: Update) -> list[Refusal]:
+        """Take an update's factors into the tracker's own graph, and follow the solution.
+
+        Returns:
+            Why factors were switched off in the new solution.
+        """
+        refusals: list[Refusal] = []
         try:
             self._ledger.placed(smoother.add(self._graph, update))
-        except OptimizationError:
-            self._smoother, self._ledger, self._ties = None, Ledger(), {}
-            self._unmade = True
+            for steps_left in reversed(range(MOST_STEPS)):
+                values = smoother.values
+                keyframes, surfaces, planes = moves(self._graph, self._keys, values)
+                self._misfits.verdict = self._misfits.judge(self._graph, values, *planes)
+                if not self._misfits.verdict.waiting or not steps_left:
+                    break
+                step = self._without_misfits()
+                self._ledger.placed(smoother.add(self._graph, step, anew=True))
+                refusals += step.refusals
+        except (ConceptError, OptimizationError):
+            self._smoother, self._ties, self._unmade = None, {}, True
+            self._ledger, self._misfits = Ledger(), Misfits(self._keys)
             raise
         self._smoother = smoother
-        self.follow(smoother.values)
+        self.move(keyframes, surfaces)
+        return refusals
 
-    def _require_placed(self) -> None:
-        if self._ledger.waiting:
-            raise InputError(
-                f"the last update has {self._ledger.waiting} factors: "
-                "say with placed() at which indices they are"
-            )
+    def _without_misfits(self) -> Update:
+        """Return an update that removes the factors of the misfits found, and nothing else."""
+        found = self._misfits.verdict.found
+        handout = self._ledger.prepare([], [(owner, FactorResult()) for owner in found])
+        self._ledger.commit(handout)
+        self._off |= {self._subject(owner): refusal for owner, refusal in found.items()}
+        self._misfits.take(handout, self._ties)
+        return update_of(handout, {}, list(found.values()), Work())
 
     def _update(self) -> Update:
-        self._require_placed()
+        self._ledger.require_placed()
         anew = self._live is None
         surfaces = self._ordered(sorted(self._pending), self._mapped if anew else {})
         live = self._live or self._begin(surfaces)
         self._live = None  # kept only if all goes well
-        concerned, work = live.update(surfaces)
+        pins = between_mapped(self.pins, self._graph.wall_surfaces.ids.tolist())
+        concerned, work = live.update(surfaces, PairPins(pins))
         changes = self._changes(live, concerned, anew)
-        handout = self._ledger.prepare(*self._factors(changes))
+        found = self._misfits.verdict.found
+        off = self._off | {self._subject(owner): refusal for owner, refusal in found.items()}
+        gone, made = self._factors(changes, off)
+        proposals = {owner: result.same for owner, result in made}
+        left = [owner for owner in found if owner not in {*gone, *proposals}]
+        handout = self._ledger.prepare(gone, [*made, *((owner, FactorResult()) for owner in left)])
 
         self._live = live if self._mapped or len(surfaces) else None
         for name, change in changes.items():
@@ -360,10 +413,20 @@ class ConceptTracker:
             )
         }
         self._pending, self._newly_observed, self._unmade = set(), set(), False
-        for owner in handout.gone:
+        for owner in gone:
             self._proposals.pop(owner, None)
-        self._proposals |= {owner: result.same for owner, result in handout.made}
-        return _update_of(handout, changes, work)
+        self._proposals |= proposals
+        bare = [owner for owner, result in handout.made if owner in found and not result.factors]
+        refusals = [found[owner] for owner in bare]
+        self._off = off
+        self._misfits.take(handout, self._ties)
+        return update_of(handout, changes, refusals, work)
+
+    def _subject(self, owner: Owner) -> Subject:
+        """Return what is refused when factors of an owner are: a tie, or a node of its members."""
+        if owner in self._ties:
+            return owner
+        return owner[0], frozenset(self._nodes[owner[0]].by_id[owner[1]].members)
 
     def _begin(self, surfaces: SurfaceArrays) -> LiveInference:
         if self._origin is None and len(surfaces):
@@ -380,9 +443,11 @@ class ConceptTracker:
             nodes, change = self._nodes[name], NodeChanges()
             if groups == WALL_SURFACE:
                 members = concerned[name] | (nodes.members if anew else set())
-                change, there = nodes.compare({m: live.confidence(name, m) for m in members})
+                names = self.pins.room_names if name == PINNED_CONCEPT else {}
+                change, there = nodes.compare({m: live.confidence(name, m) for m in members}, names)
                 gone = [node.id for node in change.removed]
                 change = nodes.shaped(change, live.shapes(name, gone, there))
+                change = nodes.named(change, names)
             elif anew or changes[groups]:
                 grouped = self._nodes[groups].after(changes[groups])
                 before = list(nodes.by_id.values())
@@ -391,16 +456,16 @@ class ConceptTracker:
         return changes
 
     def _factors(
-        self, changes: Mapping[str, NodeChanges]
+        self, changes: Mapping[str, NodeChanges], off: Container[Subject]
     ) -> tuple[list[Owner], list[tuple[Owner, FactorResult]]]:
-        """Return the nodes whose factors go, and those with new factors."""
+        """Return the nodes whose factors go, and those with new ones: none where they are off."""
         gone: list[Owner] = [
             (name, node.id) for name, change in changes.items() for node in change.removed
         ]
         made: list[tuple[Owner, FactorResult]] = []
         seen = self._seen
         surfaces = SurfaceArrays(seen["id"], seen["segment"], seen["normal"])
-        for name, make in self._makers.items():
+        for name in self._makers.concepts:
             change, nodes = changes[name], self._nodes[name]
             after = nodes.after(change)
             concerned = [node for i in self._newly_observed for node in nodes.having(i)]
@@ -409,35 +474,11 @@ class ConceptTracker:
                 wanted.pop(node.id, None)
             memory = Memory()
             for node in after if self._unmade else sorted(wanted.values(), key=lambda n: n.id):
-                context = self._context(name, node, after, surfaces, memory)
-                result = made_by(make, name, node, context)
-                check_factors(
-                    f"factor of {name} {node.id}", result, _planes(context), gtsam.Values()
-                )
+                result = self._makers.make(name, node, after, surfaces, self._observed, memory)
+                if (name, frozenset(node.members)) in off:
+                    result = FactorResult(same=result.same)
                 made.append(((name, node.id), result))
         return gone, made
-
-    def _context(
-        self,
-        concept: str,
-        node: ConceptNode,
-        nodes: Sequence[ConceptNode],
-        surfaces: SurfaceArrays,
-        memory: Memory,
-    ) -> FactorContext:
-        members = [member for member in node.members if member in self._observed]
-        rows = np.array([self._observed[member] for member in members], np.int64)
-        segments = surfaces.segments[rows]
-        planes = vertical_planes(segments, surfaces.normals[rows])
-        return FactorContext(
-            {member: self._keys.surface(member) for member in members},
-            dict(zip(members, planes, strict=True)),
-            dict(zip(members, segments, strict=True)),
-            nodes,
-            partial(self._keys.node, concept, node.id),
-            surfaces,
-            memory,
-        )
 
     def _begin_to_see(self, ids: Sequence[int]) -> None:
         """Take in surfaces that are observed for the first time."""
@@ -453,24 +494,12 @@ class ConceptTracker:
         self._seen["segment"][rows] = moved.segments
         self._seen["normal"][rows] = moved.normals
 
-    def _factor_makers(self, factor_types: Mapping[str, str]) -> dict[str, FactorMaker]:
-        registry = self._detector.registry
-        for name in factor_types:
-            registry[name]  # raises if there is none
-        makers = {}
-        for concept in self._grouping_surfaces:
-            name = concept.spec.name
-            reference = factor_types.get(name, concept.spec.factor)
-            if reference not in (None, NO_FACTOR):
-                makers[name] = registry.part(name, "factor", reference)
-        return makers
-
     def _ordered(
         self, ids: Sequence[int], known: Mapping[int, Mapped] | None = None
     ) -> SurfaceArrays:
         """Return surfaces as they are now, and others as they were last looked at."""
         rows = np.array([self._graph.surface_row(i) for i in ids], np.int64)
-        now = _taken(self._graph.wall_surfaces, rows)
+        now = self._graph.wall_surfaces.take(rows).ordered()
         rest = sorted((known or {}).keys() - set(ids))
         if known is None or not rest:
             return now
@@ -479,17 +508,3 @@ class ConceptTracker:
             np.concatenate([now.segments, [known[i][0] for i in rest]]),
             np.concatenate([now.normals, [known[i][1] for i in rest]]),
         )
-
-
-def _taken(table: WallSurfaces, rows: IntArray) -> SurfaceArrays:
-    return WallSurfaces(
-        table.ids[rows], table.segments[rows], table.normals[rows], table.heights[rows]
-    ).ordered()
-
-
-def _update_of(handout: Handout, nodes: Mapping[str, NodeChanges], work: Work) -> Update:
-    return Update(handout.factors, handout.values, handout.remove, handout.unused, nodes, work)
-
-
-def _planes(context: FactorContext) -> dict[int, FloatArray]:
-    return {key: context.planes[member] for member, key in context.plane_keys.items()}

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from sgraph_core.evaluation.slam.variants import VARIANTS
+from sgraph_core.training.config import config_file
 
 TITLES = (
     "median ratio of the ATE to planes only",
@@ -57,6 +58,24 @@ def test_the_papers_tables_are_printed_and_an_ended_run_is_not_repeated(
     mixed = sgraph(*arguments, "--paper-weights", tmp_path)
     assert_one_line(mixed, "encoder.onnx: cannot be read")
     assert_one_line(sgraph(*arguments, "--drift", 3), "kept: holds results of other settings")
+
+
+def test_the_papers_variants_take_the_weights_of_a_training(sgraph: Any, tmp_path: Path) -> None:
+    settings = json.loads(config_file("paper").read_text())
+    tiny = {"floors": 2, "validation_floors": 1, "floors_per_step": 2, "hidden": 8, "steps": 2}
+    config = tmp_path / "config.json"
+    config.write_text(json.dumps({**settings, **tiny}))
+    trained = sgraph("train", "--config", config, "-o", tmp_path / "weights")
+    assert trained.returncode == 0, trained.stderr
+    arguments = ["bench", "paper", "--scene", "C1F1s", "--seeds", 1]
+    kept, out = tmp_path / "kept", tmp_path / "out.json"
+    run = sgraph(*arguments, "-o", kept, "--json", out, "--paper-weights", tmp_path / "weights")
+    assert run.returncode == 0, run.stderr
+    content = json.loads(out.read_text())
+    assert content["settings"]["paper_weights"]
+    walls = {one["variant"]: one["walls"] for one in content["results"]}
+    assert walls["ours, rooms + walls"] != walls["paper, rooms + walls"]
+    assert_one_line(sgraph(*arguments, "-o", kept), "kept: holds results of other settings")
 
 
 def test_logs_are_compared_without_truth(sgraph: Any, tmp_path: Path) -> None:

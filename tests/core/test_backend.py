@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from drive import WALL_M, Drive, drive
 from plans import block
+from zone import Fickle
 
 from sgraph_concepts.errors import ConceptError, OptimizationError
 from sgraph_concepts.types import ConceptNode, FactorContext, FloatArray, NodeShape
@@ -464,3 +465,15 @@ def test_a_graph_without_odometry_is_named() -> None:
     graph.observe(0, 0, [-1, 0, 0, 4.8], [0.1, 0.1])
     with pytest.raises(OptimizationError, match="odometry does not connect keyframe 1 to"):
         optimize(graph)
+
+
+@pytest.mark.parametrize("part", [0.3, 0.6, 0.8, 0.95, 1.0])
+def test_a_factor_that_fails_at_any_moment_is_named_and_the_graph_unchanged(part: float) -> None:
+    graph = with_walls(drive(0))
+    poses = graph.keyframes.poses.copy()
+    Fickle.left = enough = 10_000
+    optimize(graph, {"wall": "zone:fickle_factor"})
+    Fickle.left = round(part * (enough - Fickle.left)) - 1
+    with pytest.raises((ConceptError, OptimizationError), match=r"not any more$"):
+        optimize(graph, {"wall": "zone:fickle_factor"})
+    assert (graph.keyframes.poses == poses).all()

@@ -104,3 +104,13 @@ def test_quaternions_turn_vectors() -> None:
     half = np.sqrt(0.5)
     result = turned(np.array([[1.0, 0, 0]]), np.array([[0, 0, half, half]]))
     assert result == pytest.approx(np.array([[0.0, 1.0, 0.0]]))
+
+
+def test_the_tables_cannot_be_changed_past_the_rules() -> None:
+    graph = SGraph()
+    graph.add_keyframe(0, [0, 0, 0, 0, 0, 0, 1])
+    view = graph.keyframes.poses
+    with pytest.raises(ValueError, match="read-only"):
+        view[0, 0] = np.nan
+    graph.move({0: [1, 0, 0, 0, 0, 0, 1]})
+    assert graph.keyframe(0).pose[0] == 1

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from drive import drive
 from plans import block, plan, rectangle, true_rooms
-from zone import Moody
+from tracked import keyframes_of
+from zone import Fickle, Moody
 
 from sgraph_concepts.errors import ConceptError, InputError, OptimizationError
 from sgraph_concepts.types import FloatArray
@@ -29,32 +30,6 @@ OWN = Keys(
     node=lambda concept, i, v: (9 if concept == "room" else 8) * 10**6 + 1000 * i + v,
     tie=lambda one, two: 10**7 + 1000 * one + two,
 )
-
-
-def keyframes_of(graph: SGraph) -> list[Callable[[SGraph | ConceptTracker], None]]:
-    """Return a call for each keyframe that adds it, and all that it sees, to a graph or tracker."""
-    first_seen: dict[int, int] = {}
-    table, motion, seen = graph.keyframes, graph.odometry, graph.observations
-    for surface, keyframe in zip(
-        seen.surface_ids.tolist(), seen.keyframe_ids.tolist(), strict=True
-    ):
-        first_seen.setdefault(surface, keyframe)
-
-    def enter(target: SGraph | ConceptTracker, keyframe: int) -> None:
-        target.add_keyframe(keyframe, table.poses[keyframe])
-        for row in np.flatnonzero(motion.to_ids == keyframe):
-            target.add_odometry(
-                int(motion.from_ids[row]), keyframe, motion.poses[row], motion.sigmas[row]
-            )
-        for surface, first in first_seen.items():
-            if first == keyframe:
-                view = graph.wall_surface(surface)
-                target.add_wall_surface(surface, view.segment, view.normal)
-        for row in np.flatnonzero(seen.keyframe_ids == keyframe):
-            surface = int(seen.surface_ids[row])
-            target.observe(surface, keyframe, seen.planes[row], seen.sigmas[row])
-
-    return [lambda target, k=k: enter(target, k) for k in table.ids.tolist()]  # type: ignore[misc]
 
 
 class Caller:
@@ -427,6 +402,29 @@ def test_a_graph_that_cannot_be_solved_is_named_and_built_anew(
     assert poses[0] == pytest.approx(poses[1], abs=0.02)
 
 
+@pytest.mark.parametrize("part", [0.1, 0.5, 0.7, 0.85, 1.0])
+def test_a_factor_that_fails_at_any_moment_is_named_and_the_graph_built_anew(
+    part: float, detector: Detector
+) -> None:
+    calm, fickle = (
+        ConceptTracker(detector=detector, factor_types={"wall": "zone:fickle_factor"})
+        for _ in range(2)
+    )
+    for enter in keyframes_of(drive(1).graph)[:15]:
+        enter(calm)
+        enter(fickle)
+    Fickle.left = enough = 10_000
+    calm.optimize()
+    before = state(fickle)[1]
+    Fickle.left = round(part * (enough - Fickle.left)) - 1
+    with pytest.raises((ConceptError, OptimizationError), match=r"not any more$"):
+        fickle.optimize()
+    assert state(fickle)[1] == before
+    Fickle.left = enough
+    fickle.optimize()
+    assert state(fickle)[1] == state(calm)[1]
+
+
 def test_two_nodes_with_one_variable_are_refused(detector: Detector) -> None:
     one_key = Keys(node=lambda _concept, _i, _v: 77)
     tracker = ConceptTracker(detector=detector, keys=one_key)
@@ -455,12 +453,33 @@ def bad_calls(tracker: ConceptTracker) -> dict[str, Callable[[], object]]:
         ),
         r"pose = .* must have shape \[7\]": lambda: tracker.move({0: [1, 2, 3]}),
         r"id '0': must be an integer": lambda: tracker.move({"0": level}),  # type: ignore[dict-item]
+        "the values are not of this map: .*s0": lambda: tracker.follow(
+            held(Keys().surface(0), gtsam.Pose3())
+        ),
+        "the values are not of this map: .*x0": lambda: tracker.follow(
+            held(Keys().keyframe(0), gtsam.OrientedPlane3(1, 0, 0, 1))
+        ),
+        r"the values hold \[1.0, 0.0, 0.0, nan\] as the plane of wall surface 0": lambda: (
+            tracker.follow(held(Keys().surface(0), gtsam.OrientedPlane3(1, 0, 0, np.nan)))
+        ),
+        r"the values hold .* as the plane of wall surface 1: .* not level": lambda: tracker.follow(
+            held(Keys().surface(1), gtsam.OrientedPlane3(0, 0, 1, 2))
+        ),
+        r"keyframes\[0\].pose .* must be finite": lambda: tracker.follow(
+            held(Keys().keyframe(0), gtsam.Pose3(gtsam.Rot3(), np.array([np.nan, 0, 0])))
+        ),
         "concept 'roof' is not inferred": lambda: tracker.nodes("roof"),
         "2 indices are given for 0 factors": lambda: tracker.placed([1, 2]),
     }
 
 
-@pytest.mark.parametrize("number", range(9))
+def held(key: int, value: gtsam.Pose3 | gtsam.OrientedPlane3) -> gtsam.Values:
+    values = gtsam.Values()
+    values.insert(key, value)
+    return values
+
+
+@pytest.mark.parametrize("number", range(14))
 def test_bad_input_is_named_and_changes_nothing(number: int, detector: Detector) -> None:
     tracker = ConceptTracker(detector=detector)
     keyframes_of(drive(0).graph)[0](tracker)

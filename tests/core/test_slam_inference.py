@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import astuple, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from plans import add_outline, block, plan, rectangle, true_rooms, true_walls
+from tracked import add, assert_as_inferred_at_once, building, eastwards
 
 import sgraph_plugins.room.outline
 from sgraph_concepts.errors import InputError
@@ -18,57 +18,8 @@ from sgraph_core import load
 from sgraph_core.concepts import installed, new_registry
 from sgraph_core.detector import Detector
 from sgraph_core.evaluation.incremental import drive_through
-from sgraph_core.graph import Pins, SGraph
-from sgraph_core.slam import ConceptTracker, Update, Work
-from sgraph_core.synth.building import draw_building
-from sgraph_core.synth.config import BuildingConfig, ViewConfig
+from sgraph_core.slam import ConceptTracker, Work
 from sgraph_plugins.room.outline import outline
-
-NOISY = BuildingConfig(view=ViewConfig(noise_m=(0.01, 0.02, 0.05)))
-"""Exact corners would leave it to rounding whether a line of sight that touches one is free."""
-
-
-def assert_as_inferred_at_once(tracker: ConceptTracker, detector: Detector) -> None:
-    """Same nodes, as sure, and with the same shapes."""
-    now = tracker.snapshot()
-    whole = detector.infer(now)
-    for concept, nodes in whole.concepts.items():
-        found = {frozenset(node.members): node for node in now.concepts[concept]}
-        assert found.keys() == {frozenset(node.members) for node in nodes}
-        for node in nodes:
-            other = found[frozenset(node.members)]
-            assert other.confidence == pytest.approx(node.confidence, abs=0.021)
-            doors, others = (n.shape.attributes.get("doorways", []) for n in (node, other))
-            assert len(doors) == len(others)
-            area = node.shape.attributes.get("area_m2", 0.0)
-            assert other.shape.attributes.get("area_m2", 0.0) == pytest.approx(area, abs=0.02)
-            if concept == "wall" or area > 0.1:  # whether a sliver has an outline is rounding
-                # outlines are simplified to 1 mm, from wherever they begin
-                assert other.shape.centre == pytest.approx(node.shape.centre, abs=2e-3)
-
-
-def add(tracker: ConceptTracker, graph: SGraph, surfaces: Sequence[int]) -> Update:
-    for surface in surfaces:
-        view = graph.wall_surface(surface)
-        tracker.add_wall_surface(surface, view.segment, view.normal)
-    return tracker.update()
-
-
-def building(seed: int) -> SGraph:
-    drawn = draw_building(np.random.default_rng(seed), NOISY)
-    graph = SGraph()
-    count = len(drawn.segments)
-    unknown = np.full((count, 2), np.nan)
-    graph.extend_wall_surfaces(np.arange(count), drawn.segments, drawn.normals, unknown)
-    return graph
-
-
-def eastwards(graph: SGraph, rng: np.random.Generator) -> list[int]:
-    """Return the surfaces as a robot that drives east may find them."""
-    x = graph.wall_surfaces.segments[:, :, 0].mean(axis=1)
-    order = np.argsort(x + rng.normal(0, 2.0, len(x)))
-    return [int(i) for i in graph.wall_surfaces.ids[order]]
-
 
 # -- equality with whole inference ---------------------------------------------------------------
 
@@ -292,13 +243,6 @@ def test_outlines_of_rooms_that_stay_as_they_are_are_remembered(
 
 
 # -- what is refused -----------------------------------------------------------------------------
-
-
-def test_pins_are_refused(detector: Detector) -> None:
-    graph = block(0.15)
-    graph.pins = Pins(same_room=((0, 1),))
-    with pytest.raises(InputError, match="takes a graph without them"):
-        ConceptTracker(graph, detector)
 
 
 def test_an_impossible_tolerance_is_refused(detector: Detector) -> None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from plans import block
 
+from sgraph_concepts.errors import WeightsError
 from sgraph_concepts.types import ConceptNode
 from sgraph_core.detector import Detector
 from sgraph_core.evaluation.slam.metrics import align
@@ -168,3 +170,8 @@ def test_corruption_spoils_every_fifth_room_and_wall(detector: Detector) -> None
     assert tuple(sorted(wrong.members)) not in {tuple(sorted(w)) for w in graph.truth.walls}
     again = corrupted(graph, detector.registry, np.random.default_rng(0))
     assert again.concepts == spoilt.concepts
+
+
+def test_weights_that_are_not_the_papers_are_named(detector: Detector) -> None:
+    with pytest.raises(WeightsError, match=r"^ours: is no training of the paper's network"):
+        Detectors(detector, detector).require_papers(Path("ours"))

@@ -21,6 +21,9 @@ from sgraph_concepts.types import (
     ScoredEdges,
 )
 from sgraph_core.backend.ties import TieNoise, tie_planes
+from sgraph_plugins.room.cluster import cluster as find_rooms
+from sgraph_plugins.wall.cluster import cluster as find_walls
+from sgraph_plugins.wall.factor import factors as wall_factors
 
 
 def everything(scene: Scene) -> FloatArray:
@@ -194,3 +197,87 @@ def tie_at_a_fifth(node: ConceptNode, context: FactorContext) -> FactorResult:
         0.2,
         TieNoise(0.01, 0.01),
     )
+
+
+def merged_rooms(edges: ScoredEdges, scene: Scene) -> list[Cluster]:
+    """Give every fifth room, by its lowest id, the surfaces of the nearest other one."""
+    rooms = find_rooms(edges, scene)
+    ids, middles = scene.surfaces.ids, scene.surfaces.midpoints
+    for room in [room for room in rooms if ids[list(room.members)].min() // 4 % 5 == 1]:
+        others = [other for other in rooms if other is not room]
+        if room not in rooms or not others:
+            continue
+        centre = middles[list(room.members)].mean(axis=0)
+        gaps = [
+            np.linalg.norm(middles[list(other.members)].mean(axis=0) - centre) for other in others
+        ]
+        nearest = others[int(np.argmin(gaps))]
+        rooms = [other for other in others if other is not nearest]
+        rooms.append(Cluster(tuple(sorted((*room.members, *nearest.members))), room.confidence))
+    return rooms
+
+
+def mispaired_walls(edges: ScoredEdges, scene: Scene) -> list[Cluster]:
+    """Give every fifth wall, by its ids, the nearest opposed surface beyond half a metre."""
+    surfaces = scene.surfaces
+    walls = []
+    for wall in find_walls(edges, scene):
+        one, two = sorted(wall.members, key=lambda row: int(surfaces.ids[row]))
+        if surfaces.ids[[one, two]].sum() % 5 == 0:
+            ways = surfaces.midpoints - surfaces.midpoints[one]
+            gaps = np.linalg.norm(ways, axis=1)
+            gaps[surfaces.normals @ surfaces.normals[one] > -0.9] = np.inf
+            gaps[np.abs(ways @ surfaces.normals[one]) < 0.5] = np.inf
+            if np.isfinite(gaps.min()):
+                two = int(gaps.argmin())
+        walls.append(Cluster((min(one, two), max(one, two)), wall.confidence))
+    return walls
+
+
+def gullible_factor(node: ConceptNode, context: FactorContext) -> FactorResult:
+    """Hold what cannot be a wall half a metre closer than it is, and walls as they should be."""
+    result = wall_factors(node, context)
+    if result.factors or len(context.plane_keys) < 2:
+        return result
+    one, two = node.members
+    middle = np.append(np.mean([*context.segments.values()], axis=(0, 1)), [0, 1])
+    apart = -float(context.planes[one] @ middle + context.planes[two] @ middle)
+    return tie_planes(
+        (context.plane_keys[one], context.plane_keys[two]),
+        context.new_key(0),
+        middle[:2],
+        context.planes[one][:2],
+        apart + 0.5,
+        TieNoise(0.01, 0.02),
+    )
+
+
+def sides_in_order(_edges: ScoredEdges, scene: Scene) -> list[Cluster]:
+    """Pair the surfaces 0 and 1, 2 and 3, and so on."""
+    row = {int(i): k for k, i in enumerate(scene.surfaces.ids)}
+    pairs = [(k, row[i + 1]) for i, k in row.items() if i % 2 == 0 and i + 1 in row]
+    return [Cluster((min(pair), max(pair)), 0.9) for pair in pairs]
+
+
+class Fickle:
+    """How often its factors may be evaluated before they fail, all together."""
+
+    left = 0
+
+
+def fickle_factor(node: ConceptNode, context: FactorContext) -> FactorResult:
+    """Return a factor that is fit for a graph, but fails in the end."""
+    key = context.new_key(0)
+
+    def residual(_factor: Any, _values: Any, jacobians: list[FloatArray] | None) -> FloatArray:
+        Fickle.left -= 1
+        if Fickle.left < 0:
+            raise ArithmeticError("not\nany more")
+        if jacobians is not None:
+            jacobians[0] = np.zeros((2, 3), order="F")
+            jacobians[1] = np.eye(2, order="F")
+        return np.zeros(2)
+
+    keys = [context.plane_keys[node.members[0]], key]
+    factor = gtsam.CustomFactor(UNIT, keys, residual)
+    return FactorResult([factor], [(key, gtsam.Point2(0, 0))])

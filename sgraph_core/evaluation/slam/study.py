@@ -53,14 +53,14 @@ def run_study(
 
     Raises:
         MissingExtraError: evo is not installed.
-        WeightsError: the paper's weights cannot be used.
+        WeightsError: the paper's weights cannot be used, or are not the paper's.
         InputError: a log cannot be read, a result in the store is damaged, or a trajectory cannot
             be aligned with its reference; the text says which.
         OptimizationError: a map cannot be solved; likewise.
     """
     require_evo()
     if paper_weights is not None:
-        _ = _detectors(paper_weights).paper.network  # weights that cannot be used end it here
+        _detectors(paper_weights).require_papers(paper_weights)
     wanted = [
         (drive, seed, [v.name for v in VARIANTS.values() if drive.has_truth or not v.needs_truth])
         for drive in drives

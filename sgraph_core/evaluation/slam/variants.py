@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from sgraph_concepts.errors import WeightsError
 from sgraph_core.api import infer_and_optimize
 from sgraph_core.backend import optimize
 from sgraph_core.detector import Detector
@@ -40,6 +41,15 @@ class Detectors:
         if paper_weights is None:
             return cls(ours, ours)
         return cls(ours, Detector(weights=paper_weights, clusterers={"room": "cycles"}))
+
+    def require_papers(self, folder: Path) -> None:
+        """Raise a WeightsError if the weights of a folder are not of the paper's network."""
+        network = self.paper.network
+        if (network.features, network.neighbours) != ("paper", "nearest"):
+            raise WeightsError(
+                f"{folder}: is no training of the paper's network, which "
+                "'sgraph train --config paper' trains"
+            )
 
 
 Solve = Callable[[Trial, Detectors], SGraph]

@@ -1,0 +1,106 @@
+"""The factors of single nodes, made while the map changes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import partial
+
+import gtsam
+import numpy as np
+
+from sgraph_concepts.registry import RegisteredConcept, Registry
+from sgraph_concepts.types import (
+    ConceptNode,
+    FactorContext,
+    FactorResult,
+    FloatArray,
+    Memory,
+    SurfaceArrays,
+)
+from sgraph_core.backend.checks import check_factors
+from sgraph_core.backend.concept_factors import NO_FACTOR, made_by
+from sgraph_core.backend.keys import Keys
+from sgraph_core.backend.low_layers import vertical_planes
+
+__all__ = ["FactorMakers"]
+
+FactorMaker = Callable[[ConceptNode, FactorContext], FactorResult]
+
+
+class FactorMakers:
+    """The concepts' factor functions.
+
+    Args:
+        registry: what the functions are declared in.
+        concepts: those that group wall surfaces and are inferred.
+        factor_types: by concept, another factor type than the declared one.
+        keys: the keys of surfaces and nodes.
+
+    Raises:
+        ConceptError: a concept or a factor type is unknown.
+    """
+
+    def __init__(
+        self,
+        registry: Registry,
+        concepts: Sequence[RegisteredConcept],
+        factor_types: Mapping[str, str],
+        keys: Keys,
+    ) -> None:
+        for name in factor_types:
+            registry[name]  # raises if there is none
+        self._keys = keys
+        self._makers: dict[str, FactorMaker] = {}
+        for concept in concepts:
+            name = concept.spec.name
+            reference = factor_types.get(name, concept.spec.factor)
+            if reference not in (None, NO_FACTOR):
+                self._makers[name] = registry.part(name, "factor", reference)
+
+    @property
+    def concepts(self) -> Collection[str]:
+        """Names of the concepts that have factors."""
+        return self._makers.keys()
+
+    def make(
+        self,
+        concept: str,
+        node: ConceptNode,
+        nodes: Sequence[ConceptNode],
+        observed: SurfaceArrays,
+        rows: Mapping[int, int],
+        memory: Memory,
+    ) -> FactorResult:
+        """Return the checked factors of a node.
+
+        Args:
+            concept: its concept.
+            node: whose factors.
+            nodes: all nodes of the concept.
+            observed: the surfaces that some keyframe observed.
+            rows: theirs, by id.
+            memory: of what the functions compute once for all of these nodes.
+
+        Raises:
+            ConceptError: the factor function fails, or its factors are not fit for a graph.
+        """
+        members = [member for member in node.members if member in rows]
+        own = np.array([rows[member] for member in members], np.int64)
+        segments = observed.segments[own]
+        planes = vertical_planes(segments, observed.normals[own])
+        context = FactorContext(
+            {member: self._keys.surface(member) for member in members},
+            dict(zip(members, planes, strict=True)),
+            dict(zip(members, segments, strict=True)),
+            nodes,
+            partial(self._keys.node, concept, node.id),
+            observed,
+            memory,
+        )
+        result = made_by(self._makers[concept], concept, node, context)
+        check_factors(f"factor of {concept} {node.id}", result, _planes(context), gtsam.Values())
+        return result
+
+
+def _planes(context: FactorContext) -> dict[int, FloatArray]:
+    return {key: context.planes[member] for member, key in context.plane_keys.items()}
