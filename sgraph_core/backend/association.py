@@ -32,7 +32,9 @@ TIE_SIGMAS = (0.02, 0.03)
 """How two mapped pieces of one wall differ from one plane: angle in rad, offset in m."""
 MORE_DRIFT = 1.5
 """Drift by more than its own noise: loops stay open where noise was large."""
-LEAST_DRIFT_RAD, LEAST_DRIFT_M = np.radians(1.0), 0.1
+DRIFT_SHARE, DRIFT_RAD_PER_M = 0.01, np.radians(0.02)
+"""Drift that is not noise, such as of a wall taken for another, per metre of the way."""
+LEAST_DRIFT_M, LEAST_DRIFT_RAD = 0.1, np.radians(1.0)
 REJECTION = 1e-2
 WINDOW = 20
 """Keyframes that see the older map again together: short enough to be rigid."""
@@ -256,9 +258,11 @@ def _spread(window: _Votes, visits: Visits, drift: Drift, centre: FloatArray) ->
         )
     ]
     between.sort(key=lambda rows: visits.way(*rows))
-    typical = drift.between(*between[len(between) // 2], centre)
-    least = np.array([LEAST_DRIFT_RAD, LEAST_DRIFT_M, LEAST_DRIFT_M])
-    return np.asarray(np.diag(least**2) + MORE_DRIFT**2 * typical)
+    typical = between[len(between) // 2]
+    way = visits.way(*typical)
+    shift = LEAST_DRIFT_M + DRIFT_SHARE * way
+    other = np.array([LEAST_DRIFT_RAD + DRIFT_RAD_PER_M * way, shift, shift])
+    return np.asarray(np.diag(other**2) + MORE_DRIFT**2 * drift.between(*typical, centre))
 
 
 @dataclass(frozen=True, eq=False)
