@@ -9,7 +9,7 @@ ROOM = ConceptSpec(
     head=HeadSpec(weights="room.onnx", encoder="1", intercept=0.78, slope=1.437),
     baseline="sgraph_plugins.room.baseline:score",
     clusterer="sgraph_plugins.room.cluster:cluster",
-    confidence=ConfidenceSpec(intercept=-4.846, slope=2.536, members=1.865),
+    confidence=ConfidenceSpec(intercept=-4.939, slope=2.627, members=1.808),
     shape="sgraph_plugins.room.shape:shape",
     factor="sgraph_plugins.room.factor:factors",
     labeller="sgraph_plugins.room.labeller:label",
