@@ -33,6 +33,8 @@ PLAIN = BuildingConfig(
         crooked_m=(0.0,),
         column_share=(0.0,),
         partition_share=(0.0,),
+        double_wall_share=(0.0,),
+        cubicle_share=(0.0,),
         open_plan_share=(0.0,),
     ),
     fittings=FittingConfig(
@@ -45,6 +47,7 @@ PLAIN = BuildingConfig(
         door_leaf_share=(0.0,),
         furnished_share=(0.0,),
         window_share=(0.0,),
+        curtain_share=(0.0,),
     ),
     view=ViewConfig(
         occluded_share=0.0,
