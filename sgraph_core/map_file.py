@@ -290,9 +290,7 @@ def _read_truth(record: TruthRecord, surfaces: set[int], path: str | Path) -> Tr
 def _refuse_unknown(members: Sequence[int], known: set[int], place: str, path: str | Path) -> None:
     for k, member in enumerate(members):
         if member not in known:
-            raise MapFileError(
-                path, f"{place}[{k}]", member, f"must be the id of a {WALL_SURFACE} or node"
-            )
+            raise MapFileError(path, f"{place}[{k}]", member, f"must be the id of a {WALL_SURFACE}")
 
 
 def _refuse_repeats(ids: Sequence[int], name: str, place: str, path: str | Path) -> None:

@@ -42,12 +42,12 @@ def check_nodes(concepts: Mapping[str, Sequence[ConceptNode]], surfaces: Collect
                 raise RuleError(f"concepts.{concept}: id", value, "must be unique")
     ids = {node.id for nodes in concepts.values() for node in nodes}
     for concept, nodes in concepts.items():
-        others = () if concept in SURFACE_CONCEPTS else ids
+        others, kinds = ((), "") if concept in SURFACE_CONCEPTS else (ids, " or node")
         for k, node in enumerate(nodes):
             place = f"concepts.{concept}[{k}].members"
             for side, member in enumerate(node.members):
                 if member not in surfaces and member not in others:
-                    rule = f"must be the id of a {WALL_SURFACE} or node"
+                    rule = f"must be the id of a {WALL_SURFACE}{kinds}"
                     raise RuleError(f"{place}[{side}]", member, rule)
             if len(set(node.members)) != len(node.members):
                 raise RuleError(place, list(node.members), "must be unique")
