@@ -68,10 +68,7 @@ _VISIBILITY_EDGES = (
 )
 NODE_FEATURES: Mapping[FeatureSet, tuple[str, ...]] = MappingProxyType(
     {
-        "support": (
-            *_VISIBILITY_NODES,
-            *SUPPORT,
-        ),
+        "support": (*_VISIBILITY_NODES, *SUPPORT),
         "visibility": _VISIBILITY_NODES,
         "frame": ("length",),
         "paper": ("length", "x of the normal", "y of the normal"),

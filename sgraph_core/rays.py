@@ -7,7 +7,6 @@ when it is long. Rows are gathered by ``take``, several times as fast as ``array
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import shapely
@@ -79,7 +78,7 @@ class Rays:
         one, two = pairs.T
         points, normals = _points(surfaces), surfaces.normals.T
         starts, ends = points.take(one, axis=2), points.take(two, axis=2)
-        directions = _directions(starts, ends)
+        directions = ends[:, None] - starts[:, :, None]  # [2, 4, 4, P]
         leaves = _dot(directions, normals.take(one, axis=1)[:, None, None]) > 0
         arrives = _dot(directions, normals.take(two, axis=1)[:, None, None]) < 0
         return cls(starts, ends, (leaves & arrives).reshape(len(FRACTIONS) ** 2, -1))
@@ -109,7 +108,7 @@ class Rays:
         Returns:
             Widths, by kind of obstacle, [K, 16, P].
         """
-        corners = self._corners
+        corners = np.concatenate([self.starts[:, OUTERMOST], self.ends[:, OUTERMOST]], axis=1)
         pair, obstacle = obstacles.tree.query(boxes_of(corners.transpose(2, 1, 0)))
         if own is not None:
             pair, obstacle = _foreign(pair, obstacle, own)
@@ -126,13 +125,8 @@ class Rays:
         np.minimum.at(narrowest, place, obstacles.widths.take(obstacle))
         return narrowest.reshape(shape)
 
-    @cached_property
-    def _corners(self) -> FloatArray:
-        """Outermost starts and outermost ends of each pair's rays, [2, 4, P]."""
-        return np.concatenate([self.starts[:, OUTERMOST], self.ends[:, OUTERMOST]], axis=1)
-
     def _crossings(self, pair: IntArray, segments: FloatArray) -> NDArray[np.bool_]:
-        """Return which rays of each pair cross its segment, [P'] and [2, 2, P'] to [16, P']."""
+        """Return which rays of each pair cross its segment, [C] and [2, 2, C] to [16, C]."""
         first, second = segments[:, :1], segments[:, 1:]
         along, ends = second - first, self.ends.take(pair, axis=2)
         end_side = _cross(along, ends - first)
@@ -179,11 +173,6 @@ def _points(surfaces: SurfaceArrays) -> FloatArray:
     return np.asarray(ends[:, :1] + along * FRACTIONS[:, None] + CLEARANCE_M * normals[:, None])
 
 
-def _directions(starts: FloatArray, ends: FloatArray) -> FloatArray:
-    """Return the vectors from each start to each end of a pair, [2, 4, P] to [2, 4, 4, P]."""
-    return np.asarray(ends[:, None] - starts[:, :, None])
-
-
 def _foreign(pair: IntArray, obstacle: IntArray, own: IntArray) -> tuple[IntArray, IntArray]:
     """Return those pairs and obstacles of which the obstacle is none of the pair's own two."""
     foreign = (obstacle != own[:, 0].take(pair)) & (obstacle != own[:, 1].take(pair))
@@ -203,8 +192,8 @@ def _on_both_sides(
     Args:
         lines: two points on each, [2, 2, L].
         segments: first and second ends, [2, 2, S].
-        line: rows of the lines that are compared, [P].
-        segment: and of the segments, [P].
+        line: rows of the lines that are compared, [C].
+        segment: and of the segments, [C].
     """
     first, second = lines[:, 0], lines[:, 1]
     # a point is on the line where x * its x + y * its y + offset = 0

@@ -14,7 +14,7 @@ import shapely
 from numpy.typing import NDArray
 
 from sgraph_concepts.types import FloatArray, IntArray, SurfaceArrays
-from sgraph_core.geometry import dot, in_frames, points_of
+from sgraph_core.geometry import dot, in_frames, points_of, unique_pairs
 
 __all__ = [
     "FARTHEST_M",
@@ -40,7 +40,9 @@ OFFSET_M = 0.1
 """A surface so far beside the line does not count..."""
 OFFSET_GROWTH = 0.01
 """...and so much farther per metre along the line: the direction of the line is uncertain."""
-FARTHEST_M = REACH_M + OFFSET_M + OFFSET_GROWTH * REACH_M
+ASIDE_M = OFFSET_M + OFFSET_GROWTH * REACH_M
+"""None counts that is so far beside the line, wherever along it."""
+FARTHEST_M = REACH_M + ASIDE_M
 """Surfaces whose boxes are farther apart, along an axis, are not in line."""
 BOXES = 16
 """In how many boxes along its line a surface looks for others."""
@@ -124,7 +126,7 @@ def lines_near(surfaces: SurfaceArrays, rows: IntArray) -> tuple[IntArray, IntAr
 def _beside(offsets: FloatArray, of: SurfaceArrays, axis: Any) -> NDArray[np.bool_]:
     """Return which offsets from surfaces' middles, [R, N, 2], are near these surfaces' lines."""
     reach = (of.lengths / 2 + REACH_M)[axis]
-    beside = np.abs(dot(offsets, of.normals[axis])) <= OFFSET_M + OFFSET_GROWTH * REACH_M
+    beside = np.abs(dot(offsets, of.normals[axis])) <= ASIDE_M
     return np.asarray(beside & (np.abs(dot(offsets, of.tangents[axis])) <= reach))
 
 
@@ -138,16 +140,12 @@ def _in_line(surfaces: SurfaceArrays, one: IntArray, two: IntArray) -> FloatArra
 
 def _near_lines(surfaces: SurfaceArrays) -> tuple[IntArray, IntArray]:
     """Return pairs of surfaces, each once, the middle of one near the line of the other."""
-    total = len(surfaces)
     half = (surfaces.lengths / 2 + REACH_M)[:, None] * surfaces.tangents
     borders = np.linspace(-1, 1, BOXES + 1)[:, None]
     points = surfaces.midpoints[:, None] + borders * half[:, None]
-    margin = OFFSET_M + OFFSET_GROWTH * REACH_M
-    low = np.minimum(points[:, :-1], points[:, 1:]).reshape(-1, 2) - margin
-    high = np.maximum(points[:, :-1], points[:, 1:]).reshape(-1, 2) + margin
+    low = np.minimum(points[:, :-1], points[:, 1:]).reshape(-1, 2) - ASIDE_M
+    high = np.maximum(points[:, :-1], points[:, 1:]).reshape(-1, 2) + ASIDE_M
     tree = shapely.STRtree(points_of(surfaces.midpoints))
     box, near = tree.query(shapely.box(*low.T, *high.T))
-    asking = box // BOXES
-    keys = np.minimum(asking, near) * total + np.maximum(asking, near)
-    one, two = np.divmod(np.unique(keys), total)
+    one, two = unique_pairs(box // BOXES, near).T
     return one[one != two], two[one != two]

@@ -23,6 +23,7 @@ __all__ = [
     "Observations",
     "Odometry",
     "RowError",
+    "RuleError",
     "Table",
     "WallSurfaces",
     "is_id",
@@ -42,6 +43,20 @@ PERPENDICULAR_TOLERANCE_RAD = np.radians(5.0)
 """How far a surface's normal may be from perpendicular to its segment."""
 SHORTEST_SEGMENT_M = 1e-3
 """Shorter segments have no direction worth the name."""
+
+
+class RuleError(InputError):
+    """A pin or a node of an S-Graph breaks a rule.
+
+    Attributes:
+        place: where, named as in the map file.
+        value: the offending value.
+        rule: what is asked for.
+    """
+
+    def __init__(self, place: str, value: object, rule: str) -> None:
+        self.place, self.value, self.rule = place, value, rule
+        super().__init__(f"{place} = {value}: {rule}")
 
 
 class RowError(InputError):

@@ -1,9 +1,10 @@
 """Clusters that keep to pins, whatever the scores say and whoever clusters.
 
 Before clustering, pins become edges that outweigh all other log-odds together, so that neighbours
-follow. Greedy contraction (:mod:`sgraph_core.clustering.multicut`) keeps to them exactly: rows
-pinned together are contracted first, and a sum that holds a pair pinned apart is never positive.
-After clustering, what still breaks a pin is put right, so that pins hold with any clusterer.
+follow. Multicut (:mod:`sgraph_core.clustering.multicut`) keeps to them exactly: rows pinned
+together are contracted first, a sum that holds a pair pinned apart is never positive, and no move
+of a row gains what breaking a pin costs. After clustering, what still breaks a pin is put right,
+so that pins hold with any clusterer.
 
 Of a surface that was split, a group takes the fragment most related to the others; surfaces are
 pinned apart in all their fragments.

@@ -72,7 +72,7 @@ def draw_plan(rng: Generator, config: PlanConfig) -> Plan | None:
     rooms = _shape_rooms(rooms, rng, config)
     if not rooms:
         return None
-    # streams of their own, so that all else is drawn alike with these and without
+    # streams of their own: where none are drawn, all else is as if there were no such thing
     for_doubles, for_cubicles = rng.spawn(2)
     rooms, doubles = draw_double_walls(rooms, for_doubles, config)
     rooms, cubicles = stand_cubicles(rooms, for_cubicles, config)

@@ -77,14 +77,16 @@ def draw_surfaces(plan: Plan, rng: Generator, config: FittingConfig) -> Floor:
     if not facade_mapped:
         gaps = gaps.take(~outer)
     doors = draw_doors(gaps, walls, plan.cubicles, rng, config)
+    passable = openings(doors, walls)
     borders = border_cutouts(walls, plan.open_borders)
     behind = junctions_behind(gaps, len(walls), rng, rng.choice(config.broken_behind_share))
     broken = cut(walls, [*doors, *windows, *borders, *behind])
     leaves = door_leaves(doors, rng, rng.choice(config.door_leaf_share))
     faces, boxes = furniture(plan.rooms, rng, rng.choice(config.furnished_share), config)
     mapped = broken if facade_mapped else broken.take(~broken.facades)
+    # a stream of its own, as in the plan
     if plan.double_walls and rng.spawn(1)[0].random() < config.cavity_share:
-        mapped = Pieces.joined(mapped, _cavities(plan.double_walls, openings(doors, walls)))
+        mapped = Pieces.joined(mapped, _cavities(plan.double_walls, passable))
     passages, doorways = _passages([*doors, *borders], walls)
     return Floor(
         rooms=plan.rooms,
@@ -95,7 +97,7 @@ def draw_surfaces(plan: Plan, rng: Generator, config: FittingConfig) -> Floor:
         shell=cut(walls, [*doors, *windows, *borders]),
         leaves=leaves,
         furniture=boxes,
-        doors=openings(doors, walls),
+        doors=passable,
         windows=openings(windows, walls),
         panes=walls.parts(
             [window.rows[0] for window in windows], [[w.start, w.end] for w in windows]

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from plans import block, plan, rectangle
 
 from sgraph_concepts.types import SurfaceArrays
 from sgraph_core.graph import SGraph
-from sgraph_core.support import alignment, collinear_lengths
+from sgraph_core.support import alignment, collinear, collinear_lengths, lines_near
 
 
 def surfaces(*rows: tuple[list[list[float]], list[float]]) -> SurfaceArrays:
@@ -38,6 +40,33 @@ def test_of_a_long_and_a_short_surface_the_long_ones_line_counts() -> None:
     lengths = collinear_lengths(pair)[:, 0]
     weight = (1 - 4.2 / 20) * (1 - 0.04 / 0.142)
     assert lengths == pytest.approx([weight * pair.lengths[1], weight * 6])
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=30, deadline=None)
+def test_no_surface_in_line_is_overlooked(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    count, angle = 40, rng.uniform(0, np.pi)
+    along, across = rng.uniform(0, 60, count), rng.integers(0, 3, count) + rng.normal(0, 0.1, count)
+    lengths, turns = rng.uniform(0.1, 8, count), angle + rng.normal(0, 0.02, count)
+    middles = along[:, None] * [np.cos(angle), np.sin(angle)]
+    middles += across[:, None] * [-np.sin(angle), np.cos(angle)]
+    tangents = np.stack([np.cos(turns), np.sin(turns)], axis=1) * rng.choice([-1, 1], (count, 1))
+    half = lengths[:, None] / 2 * tangents
+    normals = np.stack([tangents[:, 1], -tangents[:, 0]], axis=1)
+    drawn = SurfaceArrays(
+        np.arange(count), np.stack([middles - half, middles + half], axis=1), normals
+    )
+    one, two = np.nonzero(~np.eye(count, dtype=bool))
+    shares = collinear(drawn, one, two)
+    expected = np.zeros((count, 2))
+    np.add.at(expected, one, shares * lengths[two, None])
+    assert collinear_lengths(drawn) == pytest.approx(expected)
+    assert expected.any()
+    asking = np.flatnonzero(rng.random(count) < 0.3)
+    found = set(zip(*(rows.tolist() for rows in lines_near(drawn, asking)), strict=True))
+    counts = shares.any(axis=1) & np.isin(one, asking)
+    assert set(zip(one[counts].tolist(), two[counts].tolist(), strict=True)) <= found
 
 
 def test_the_walls_of_a_block_support_one_another_and_what_stands_askew_has_no_support() -> None:

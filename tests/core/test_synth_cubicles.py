@@ -76,6 +76,9 @@ def test_floors_with_cubicles_are_as_well_labelled_as_any() -> None:
         plan=CUBICLES.model_copy(update={"room_area_m2": (60.0, 90.0)}),
         view=ViewConfig(missing_share=(0.0,), occluded_share=0.0),
     )
+    cubicles = 0
     for seed in range(4):
         drawn = draw_building(np.random.default_rng(seed), config)
+        cubicles += np.isclose([Polygon(ring).area for ring in drawn.polygons], 2.5**2).sum()
         assert set(range(len(drawn.polygons))) == set(drawn.pieces.rooms.tolist()) - {-1, -2}
+    assert cubicles > 20

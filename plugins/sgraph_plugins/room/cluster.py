@@ -130,9 +130,8 @@ def _width(surfaces: SurfaceArrays, rows: IntArray) -> float:
     """Return the shorter side of the smallest rectangle around surfaces, 0 if they are in line."""
     ends = shapely.multipoints(surfaces.segments[rows].reshape(-1, 2))
     corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(ends))
-    return (
-        float(np.linalg.norm(np.diff(corners, axis=0), axis=1).min()) if len(corners) > 3 else 0.0
-    )
+    sides = np.linalg.norm(np.diff(corners, axis=0), axis=1)
+    return float(sides.min()) if len(corners) > 3 else 0.0
 
 
 def _encloses(surfaces: SurfaceArrays, rows: IntArray) -> bool:
