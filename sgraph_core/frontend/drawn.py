@@ -34,9 +34,8 @@ def draw_floor(seed: int, config: PlanConfig = PLAN) -> Floor:
         InputError: the configuration practically never yields two neighbouring rooms.
     """
     rng = np.random.default_rng(seed)
-    bare = config.model_copy(
-        update={"column_share": (0.0,), "partition_share": (0.0,), "open_plan_share": (0.0,)}
-    )
+    shares = ("column", "partition", "open_plan", "double_wall", "cubicle")
+    bare = config.model_copy(update={f"{name}_share": (0.0,) for name in shares})
     for _ in range(MOST_ATTEMPTS):
         plan = draw_plan(rng, bare)
         if plan is None or any(room.interiors for room in plan.rooms):
