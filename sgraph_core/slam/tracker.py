@@ -11,7 +11,7 @@ import gtsam
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sgraph_concepts.errors import ConceptError, InputError, OptimizationError
+from sgraph_concepts.errors import ConceptError, InputError, SGraphError
 from sgraph_concepts.spec import WALL_SURFACE
 from sgraph_concepts.types import (
     ConceptNode,
@@ -320,13 +320,18 @@ class ConceptTracker:
         """
         with self._lock:
             self._ledger.require_placed()
+            if self._smoother is not None:
+                self._smoother.check(self._graph)
             tied, made = tied_anew(self._graph, self._keys, self._proposals, self._ties, self._off)
             handout = self._ledger.prepare(self._ties.keys() - tied.keys(), made)
             self._ledger.commit(handout)
             self._misfits.take(handout, tied)
-            for owner in handout.gone:
-                self._off.pop(owner, None)
             self._ties = tied
+            self._off = {
+                subject: refusal
+                for subject, refusal in self._off.items()
+                if len(subject) == 2 or subject in tied
+            }
             update = update_of(handout, {}, [], Work())
             if self._smoother is not None:
                 update = replace(update, refusals=self._take(self._smoother, update))
@@ -338,10 +343,12 @@ class ConceptTracker:
         What contradicts it is switched off at once, and the map optimised again.
 
         Raises:
-            InputError: the factors of an update went to a graph of the caller's.
+            InputError: the factors of an update went to a graph of the caller's, or the solution
+                breaks the map file's rules.
             OptimizationError: odometry does not connect the keyframes, or the problem is
-                under-determined; then the next call builds the graph anew.
-            SGraphError: as :meth:`update` raises them.
+                under-determined.
+            SGraphError: as :meth:`update` raises them. After a solution that fails the next call
+                builds the graph anew, without ties until :meth:`associate` finds them again.
         """
         with self._lock:
             if self._smoother is None and self._ledger.used:
@@ -357,7 +364,7 @@ class ConceptTracker:
         Returns:
             Why factors were switched off in the new solution.
         """
-        refusals: list[Refusal] = []
+        refusals, off = list[Refusal](), self._off
         try:
             self._ledger.placed(smoother.add(self._graph, update))
             for steps_left in reversed(range(MOST_STEPS)):
@@ -369,12 +376,12 @@ class ConceptTracker:
                 step = self._without_misfits()
                 self._ledger.placed(smoother.add(self._graph, step, anew=True))
                 refusals += step.refusals
-        except (ConceptError, OptimizationError):
-            self._smoother, self._ties, self._unmade = None, {}, True
+            self.move(keyframes, surfaces)
+        except SGraphError:
+            self._smoother, self._ties, self._off, self._unmade = None, {}, off, True
             self._ledger, self._misfits = Ledger(), Misfits(self._keys)
             raise
         self._smoother = smoother
-        self.move(keyframes, surfaces)
         return refusals
 
     def _without_misfits(self) -> Update:
@@ -382,7 +389,7 @@ class ConceptTracker:
         found = self._misfits.verdict.found
         handout = self._ledger.prepare([], [(owner, FactorResult()) for owner in found])
         self._ledger.commit(handout)
-        self._off |= {self._subject(owner): refusal for owner, refusal in found.items()}
+        self._off = self._off | {self._subject(owner): why for owner, why in found.items()}
         self._misfits.take(handout, self._ties)
         return update_of(handout, {}, list(found.values()), Work())
 
@@ -396,7 +403,8 @@ class ConceptTracker:
         concerned, work = live.update(surfaces, PairPins(pins))
         changes = self._changes(live, concerned, anew)
         found = self._misfits.verdict.found
-        off = self._off | {self._subject(owner): refusal for owner, refusal in found.items()}
+        refused = {owner: self._subject(owner) for owner in found}
+        off = self._off | {refused[owner]: refusal for owner, refusal in found.items()}
         gone, made = self._factors(changes, off)
         proposals = {owner: result.same for owner, result in made}
         left = [owner for owner in found if owner not in {*gone, *proposals}]
@@ -416,9 +424,9 @@ class ConceptTracker:
         for owner in gone:
             self._proposals.pop(owner, None)
         self._proposals |= proposals
-        bare = [owner for owner, result in handout.made if owner in found and not result.factors]
-        refusals = [found[owner] for owner in bare]
         self._off = off
+        stay = [owner for owner in found if owner not in gone]
+        refusals = [found[owner] for owner in stay if self._subject(owner) == refused[owner]]
         self._misfits.take(handout, self._ties)
         return update_of(handout, changes, refusals, work)
 
