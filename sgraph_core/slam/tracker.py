@@ -34,8 +34,8 @@ from sgraph_core.slam.handout import Ledger, Owner
 from sgraph_core.slam.inference import LiveInference, Work
 from sgraph_core.slam.misfits import Misfits
 from sgraph_core.slam.nodes import LiveNodes, NodeChanges
+from sgraph_core.slam.observed import ObservedSurfaces
 from sgraph_core.slam.pins import PairPins
-from sgraph_core.slam.pool import Pool
 from sgraph_core.slam.smoother import Smoother
 from sgraph_core.slam.ties import tied_anew
 from sgraph_core.slam.update import Update, update_of
@@ -117,11 +117,8 @@ class ConceptTracker:
         self._mapped: dict[int, Mapped] = {}
         self._origin: FloatArray | None = None
         self._pending: set[int] = set(self._graph.wall_surfaces.ids.tolist())
-        self._observed: dict[int, int] = {}
-        self._seen = Pool(
-            id=np.empty(0, np.int64), segment=np.empty((0, 2, 2)), normal=np.empty((0, 2))
-        )
-        self._begin_to_see(np.unique(self._graph.observations.surface_ids).tolist())
+        self._observed = ObservedSurfaces()
+        self._observed.add(self._ordered(np.unique(self._graph.observations.surface_ids).tolist()))
         self._newly_observed: set[int] = set()
         self._unmade = False
         self._proposals: dict[Owner, Sequence[tuple[int, int]]] = {}
@@ -227,8 +224,8 @@ class ConceptTracker:
         """
         with self._lock:
             self._graph.observe(surface_id, keyframe_id, plane, sigmas)
-            if surface_id not in self._observed:
-                self._begin_to_see([surface_id])
+            if surface_id not in self._observed.rows:
+                self._observed.add(self._ordered([surface_id]))
                 self._newly_observed.add(surface_id)
 
     def move(
@@ -248,7 +245,7 @@ class ConceptTracker:
         with self._lock:
             self._graph.move(keyframes, surfaces)
             now = self._ordered(list(surfaces or {}))
-            self._see_moved(now)
+            self._observed.move(now)
             for surface, segment in zip(now.ids.tolist(), now.segments, strict=True):
                 if surface in self._mapped:
                     moved = np.abs(segment - self._mapped[surface][0]).max()
@@ -414,12 +411,8 @@ class ConceptTracker:
         for name, change in changes.items():
             self._nodes[name].apply(change)
         self._ledger.commit(handout)
-        self._mapped |= {
-            int(i): (segment, normal)
-            for i, segment, normal in zip(
-                surfaces.ids, surfaces.segments, surfaces.normals, strict=True
-            )
-        }
+        looked_at = zip(surfaces.segments, surfaces.normals, strict=True)
+        self._mapped |= zip(surfaces.ids.tolist(), looked_at, strict=True)
         self._pending, self._newly_observed, self._unmade = set(), set(), False
         for owner in gone:
             self._proposals.pop(owner, None)
@@ -471,8 +464,7 @@ class ConceptTracker:
             (name, node.id) for name, change in changes.items() for node in change.removed
         ]
         made: list[tuple[Owner, FactorResult]] = []
-        seen = self._seen
-        surfaces = SurfaceArrays(seen["id"], seen["segment"], seen["normal"])
+        surfaces, rows = self._observed.surfaces, self._observed.rows
         for name in self._makers.concepts:
             change, nodes = changes[name], self._nodes[name]
             after = nodes.after(change)
@@ -482,25 +474,11 @@ class ConceptTracker:
                 wanted.pop(node.id, None)
             memory = Memory()
             for node in after if self._unmade else sorted(wanted.values(), key=lambda n: n.id):
-                result = self._makers.make(name, node, after, surfaces, self._observed, memory)
+                result = self._makers.make(name, node, after, surfaces, rows, memory)
                 if (name, frozenset(node.members)) in off:
                     result = FactorResult(same=result.same)
                 made.append(((name, node.id), result))
         return gone, made
-
-    def _begin_to_see(self, ids: Sequence[int]) -> None:
-        """Take in surfaces that are observed for the first time."""
-        new = self._ordered(ids)
-        rows = self._seen.add(len(ids), id=new.ids, segment=new.segments, normal=new.normals)
-        self._observed.update(zip(ids, rows.tolist(), strict=True))
-
-    def _see_moved(self, surfaces: SurfaceArrays) -> None:
-        """Put those of the surfaces that are observed where they are now."""
-        which = [k for k, i in enumerate(surfaces.ids.tolist()) if i in self._observed]
-        moved = surfaces.take(np.array(which, np.int64))
-        rows = [self._observed[i] for i in moved.ids.tolist()]
-        self._seen["segment"][rows] = moved.segments
-        self._seen["normal"][rows] = moved.normals
 
     def _ordered(
         self, ids: Sequence[int], known: Mapping[int, Mapped] | None = None
