@@ -26,9 +26,9 @@ from sgraph_core.map_schema import (
     PinsRecord,
     TruthRecord,
 )
-from sgraph_core.nodes import NodeError, check_nodes
-from sgraph_core.pins import PinError, check_pins
-from sgraph_core.tables import LARGEST_ID, RowError
+from sgraph_core.nodes import check_nodes
+from sgraph_core.pins import check_pins
+from sgraph_core.tables import LARGEST_ID, PlaceError, RowError
 
 __all__ = ["dump", "load", "parse", "save", "schema"]
 
@@ -226,7 +226,7 @@ def _read_concepts(
     concepts = {concept: list(map(_node, group)) for concept, group in records.items()}
     try:
         check_nodes(concepts, surfaces)
-    except NodeError as error:
+    except PlaceError as error:
         raise MapFileError(path, error.place, _value(error.value), error.rule) from error
     return concepts
 
@@ -259,7 +259,7 @@ def _read_pins(record: PinsRecord, surfaces: set[int], path: str | Path) -> Pins
     )
     try:
         check_pins(pins, surfaces)
-    except PinError as error:
+    except PlaceError as error:
         raise MapFileError(path, error.place, _value(error.value), error.rule) from error
     return pins
 

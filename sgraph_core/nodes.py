@@ -9,12 +9,11 @@ from itertools import chain
 
 import numpy as np
 
-from sgraph_concepts.errors import InputError
 from sgraph_concepts.spec import WALL_SURFACE
 from sgraph_concepts.types import ConceptNode
-from sgraph_core.tables import ID_RULE, LARGEST_ID, is_id
+from sgraph_core.tables import ID_RULE, LARGEST_ID, PlaceError, is_id
 
-__all__ = ["NodeError", "check_nodes", "keep_identity", "persisting"]
+__all__ = ["check_nodes", "keep_identity", "persisting"]
 
 PAIR_CONCEPTS = {"wall"}
 """Concepts whose nodes have exactly two members by the map file's definition."""
@@ -25,20 +24,6 @@ SHARED = 0.5
 """An old node persists in a new one if they share this part of the smaller one's members."""
 
 
-class NodeError(InputError):
-    """A node breaks a rule.
-
-    Attributes:
-        place: where, named as in the map file.
-        value: the offending value.
-        rule: what is asked for.
-    """
-
-    def __init__(self, place: str, value: object, rule: str) -> None:
-        self.place, self.value, self.rule = place, value, rule
-        super().__init__(f"{place} = {value}: {rule}")
-
-
 def check_nodes(concepts: Mapping[str, Sequence[ConceptNode]], surfaces: Collection[int]) -> None:
     """Check the nodes of an S-Graph by the map file's rules.
 
@@ -47,14 +32,14 @@ def check_nodes(concepts: Mapping[str, Sequence[ConceptNode]], surfaces: Collect
         surfaces: ids of the wall surfaces.
 
     Raises:
-        NodeError: a node breaks a rule.
+        PlaceError: a node breaks a rule.
     """
     for concept, nodes in concepts.items():
         for k, node in enumerate(nodes):
             _check_node(f"concepts.{concept}[{k}]", node)
         for value, count in Counter(node.id for node in nodes).items():
             if count > 1:
-                raise NodeError(f"concepts.{concept}: id", value, "must be unique")
+                raise PlaceError(f"concepts.{concept}: id", value, "must be unique")
     ids = {node.id for nodes in concepts.values() for node in nodes}
     for concept, nodes in concepts.items():
         others = () if concept in SURFACE_CONCEPTS else ids
@@ -63,28 +48,28 @@ def check_nodes(concepts: Mapping[str, Sequence[ConceptNode]], surfaces: Collect
             for side, member in enumerate(node.members):
                 if member not in surfaces and member not in others:
                     rule = f"must be the id of a {WALL_SURFACE} or node"
-                    raise NodeError(f"{place}[{side}]", member, rule)
+                    raise PlaceError(f"{place}[{side}]", member, rule)
             if len(set(node.members)) != len(node.members):
-                raise NodeError(place, list(node.members), "must be unique")
+                raise PlaceError(place, list(node.members), "must be unique")
             if concept in PAIR_CONCEPTS and len(node.members) != 2:
-                raise NodeError(place, list(node.members), f"a {concept} has exactly two members")
+                raise PlaceError(place, list(node.members), f"a {concept} has exactly two members")
 
 
 def _check_node(place: str, node: ConceptNode) -> None:
     """Check what reading a map file's JSON makes sure of, and code that builds nodes may not."""
     if not isinstance(node, ConceptNode):
-        raise NodeError(place, repr(node), "must be a ConceptNode")
+        raise PlaceError(place, repr(node), "must be a ConceptNode")
     if not is_id(node.id):
-        raise NodeError(f"{place}.id", node.id, ID_RULE)
+        raise PlaceError(f"{place}.id", node.id, ID_RULE)
     if not node.members:
-        raise NodeError(f"{place}.members", list(node.members), "must have at least 1 item")
+        raise PlaceError(f"{place}.members", list(node.members), "must have at least 1 item")
     if node.confidence is not None and not 0 <= node.confidence <= 1:
-        raise NodeError(f"{place}.confidence", node.confidence, "must be from 0 to 1")
+        raise PlaceError(f"{place}.confidence", node.confidence, "must be from 0 to 1")
     centre, thickness = node.shape.centre, node.shape.thickness
     if centre is not None and not np.isfinite(centre).all():
-        raise NodeError(f"{place}.centre", list(centre), "must be finite")
+        raise PlaceError(f"{place}.centre", list(centre), "must be finite")
     if thickness is not None and not 0 <= thickness < np.inf:
-        raise NodeError(f"{place}.thickness", thickness, "must be finite and not negative")
+        raise PlaceError(f"{place}.thickness", thickness, "must be finite and not negative")
 
 
 def keep_identity(

@@ -14,12 +14,11 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Literal
 
-from sgraph_concepts.errors import InputError
 from sgraph_concepts.spec import WALL_SURFACE
 from sgraph_core.graph import Pins
-from sgraph_core.tables import ID_RULE, is_id
+from sgraph_core.tables import ID_RULE, PlaceError, is_id
 
-__all__ = ["PINNED_CONCEPT", "PinError", "Pinned", "RoomPins", "between_mapped", "check_pins"]
+__all__ = ["PINNED_CONCEPT", "Pinned", "RoomPins", "between_mapped", "check_pins"]
 
 PINNED_CONCEPT = "room"
 """The concept that the names of the pins speak of."""
@@ -27,20 +26,6 @@ PINNED_CONCEPT = "room"
 Pair = tuple[int, int]
 Pinned = Literal["together", "apart"]
 """What two surfaces are pinned to be."""
-
-
-class PinError(InputError):
-    """Pins break a rule.
-
-    Attributes:
-        place: the pin, named as in the map file.
-        value: the offending value.
-        rule: what is asked for.
-    """
-
-    def __init__(self, place: str, value: object, rule: str) -> None:
-        self.place, self.value, self.rule = place, value, rule
-        super().__init__(f"{place} = {value}: {rule}")
 
 
 def check_pins(pins: Pins, surfaces: Collection[int] | None = None) -> None:
@@ -51,30 +36,30 @@ def check_pins(pins: Pins, surfaces: Collection[int] | None = None) -> None:
         surfaces: ids of the map's wall surfaces; None where some may be mapped later.
 
     Raises:
-        PinError: they break a rule.
+        PlaceError: they break a rule.
     """
     for name, pairs in (("same_room", pins.same_room), ("not_same_room", pins.not_same_room)):
         for k, pair in enumerate(pairs):
             if not isinstance(pair, tuple) or len(pair) != 2:
-                raise PinError(f"pins.{name}[{k}]", pair, "must be a tuple of two surfaces")
+                raise PlaceError(f"pins.{name}[{k}]", pair, "must be a tuple of two surfaces")
             for side, surface in enumerate(pair):
                 place = f"pins.{name}[{k}][{side}]"
                 if not is_id(surface):
-                    raise PinError(place, surface, ID_RULE)
+                    raise PlaceError(place, surface, ID_RULE)
                 if surfaces is not None and surface not in surfaces:
-                    raise PinError(place, surface, f"must be the id of a {WALL_SURFACE}")
+                    raise PlaceError(place, surface, f"must be the id of a {WALL_SURFACE}")
             if pair[0] == pair[1]:
-                raise PinError(f"pins.{name}[{k}]", list(pair), "must be two surfaces")
+                raise PlaceError(f"pins.{name}[{k}]", list(pair), "must be two surfaces")
     for room, text in pins.room_names.items():
         if not is_id(room):
-            raise PinError("pins.room_names", room, f"key {ID_RULE}")
+            raise PlaceError("pins.room_names", room, f"key {ID_RULE}")
         if not isinstance(text, str):
-            raise PinError(f"pins.room_names[{room}]", text, "must be text")
+            raise PlaceError(f"pins.room_names[{room}]", text, "must be text")
     groups = _groups(pins.same_room)
     for k, pair in enumerate(pins.not_same_room):
         if _within(pair, groups):
             rule = f"contradicts same_room {_links(pair, pins.same_room)}"
-            raise PinError(f"pins.not_same_room[{k}]", list(pair), rule)
+            raise PlaceError(f"pins.not_same_room[{k}]", list(pair), rule)
 
 
 def between_mapped(pins: Pins, surfaces: Iterable[int]) -> Pins:

@@ -22,6 +22,7 @@ __all__ = [
     "Keyframes",
     "Observations",
     "Odometry",
+    "PlaceError",
     "RowError",
     "Table",
     "WallSurfaces",
@@ -42,6 +43,20 @@ PERPENDICULAR_TOLERANCE_RAD = np.radians(5.0)
 """How far a surface's normal may be from perpendicular to its segment."""
 SHORTEST_SEGMENT_M = 1e-3
 """Shorter segments have no direction worth the name."""
+
+
+class PlaceError(InputError):
+    """A node or a pin breaks a rule.
+
+    Attributes:
+        place: where, named as in the map file.
+        value: the offending value.
+        rule: what is asked for.
+    """
+
+    def __init__(self, place: str, value: object, rule: str) -> None:
+        self.place, self.value, self.rule = place, value, rule
+        super().__init__(f"{place} = {value}: {rule}")
 
 
 class RowError(InputError):
