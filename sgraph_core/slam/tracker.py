@@ -313,6 +313,7 @@ class ConceptTracker:
 
         Raises:
             InputError: the factors of the last update have not been placed.
+            ConceptError: a plugin proposes something else than pairs of observed surfaces.
             OptimizationError: as :meth:`optimize` raises it, on a graph of the tracker's own.
         """
         with self._lock:
