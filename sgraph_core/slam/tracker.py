@@ -13,13 +13,7 @@ from numpy.typing import ArrayLike
 
 from sgraph_concepts.errors import ConceptError, InputError, SGraphError
 from sgraph_concepts.spec import WALL_SURFACE
-from sgraph_concepts.types import (
-    ConceptNode,
-    FactorResult,
-    FloatArray,
-    Memory,
-    SurfaceArrays,
-)
+from sgraph_concepts.types import ConceptNode, FactorResult, FloatArray, Memory, SurfaceArrays
 from sgraph_core.backend.association import Same
 from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.robust import Refusal
@@ -394,7 +388,9 @@ class ConceptTracker:
     def _update(self) -> Update:
         self._ledger.require_placed()
         anew = self._live is None
-        surfaces = self._ordered(sorted(self._pending), self._mapped if anew else {})
+        surfaces = self._ordered(sorted(self._pending))
+        if anew:
+            surfaces = self._with_mapped(surfaces)
         live = self._live or self._begin(surfaces)
         self._live = None  # kept only if all goes well
         pins = between_mapped(self.pins, self._graph.wall_surfaces.ids.tolist())
@@ -481,17 +477,18 @@ class ConceptTracker:
                 made.append(((name, node.id), result))
         return gone, made
 
-    def _ordered(
-        self, ids: Sequence[int], known: Mapping[int, Mapped] | None = None
-    ) -> SurfaceArrays:
-        """Return surfaces as they are now, and others as they were last looked at."""
+    def _ordered(self, ids: Sequence[int]) -> SurfaceArrays:
+        """Return surfaces as they are now."""
         rows = np.array([self._graph.surface_row(i) for i in ids], np.int64)
-        now = self._graph.wall_surfaces.take(rows).ordered()
-        rest = sorted((known or {}).keys() - set(ids))
-        if known is None or not rest:
+        return self._graph.wall_surfaces.take(rows).ordered()
+
+    def _with_mapped(self, now: SurfaceArrays) -> SurfaceArrays:
+        """Return surfaces, and all others as they were last looked at."""
+        rest = sorted(self._mapped.keys() - set(now.ids.tolist()))
+        if not rest:
             return now
         return SurfaceArrays(
             np.concatenate([now.ids, rest]),
-            np.concatenate([now.segments, [known[i][0] for i in rest]]),
-            np.concatenate([now.normals, [known[i][1] for i in rest]]),
+            np.concatenate([now.segments, [self._mapped[i][0] for i in rest]]),
+            np.concatenate([now.normals, [self._mapped[i][1] for i in rest]]),
         )
