@@ -22,6 +22,7 @@ __all__ = [
     "Keyframes",
     "Observations",
     "Odometry",
+    "RuleError",
     "RowError",
     "RuleError",
     "Table",

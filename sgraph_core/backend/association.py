@@ -3,11 +3,11 @@
 A concept proposes pairs of surfaces. Alone a pair proves little: walls of a building repeat, and
 what the map believes of its own accuracy is wrong where the front end matched a wrong wall. So
 pairs vote. All that a short stretch of the drive saw must move onto the older map by one rigid
-correction, small for the way between. Two pairs that are not parallel fix a correction; every pair
-that it explains supports it, and so does every surface that the front end recognised itself and
-that the correction leaves in place. A correction is accepted when enough walls support it, and
-when neither another correction nor what it would tear apart has nearly as much support: of equal
-doors in a row each explains what is seen, and none is taken.
+correction that the drift between may explain. Two pairs that are not parallel fix a correction;
+every pair that it explains supports it, and so does every surface that the front end recognised
+itself and that the correction leaves in place. A correction is accepted when enough walls support
+it, and when neither another correction nor what it would tear apart has nearly as much support: of
+equal doors in a row each explains what is seen, and none is taken.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
+from sgraph_concepts.errors import ConceptError
 from sgraph_concepts.types import FloatArray, IntArray, SurfaceArrays
 from sgraph_core.backend.coincidence import coincidence
 from sgraph_core.backend.drift import Drift
@@ -122,6 +123,9 @@ def associate(
         graph: an S-Graph whose low layers are solved.
         proposals: pairs of observed surfaces.
         known: what was decided before.
+
+    Raises:
+        ConceptError: a pair names something else.
     """
     visits = Visits(graph)
     who = _candidates(proposals, visits, {frozenset(same.pair) for same in known.same})
@@ -170,6 +174,9 @@ def _candidates(
     who: dict[tuple[int, int], Proposal] = {}
     for proposal in proposals:
         for one, two in proposal.pairs:
+            if one not in visits or two not in visits:
+                what = f"factor of {proposal.concept} {proposal.node}"
+                raise ConceptError(f"{what}: {one} and {two} must be ids of observed surfaces")
             pair = (one, two) if visits.first(one) <= visits.first(two) else (two, one)
             if frozenset(pair) not in done and not visits.together(one, two):
                 who.setdefault(pair, proposal)

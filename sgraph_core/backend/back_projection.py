@@ -91,6 +91,8 @@ def carried(
     """
     from scipy.spatial.transform import Rotation
 
+    if not len(segments):
+        return segments, planes[:, :2]
     turn = (Rotation.from_quat(after[:, 3:]) * Rotation.from_quat(before[:, 3:]).inv()).as_matrix()
     points = np.concatenate([segments, np.zeros((len(segments), 2, 1))], axis=2)[seen]
     taken = np.einsum("oij,opj->opi", turn[by], points - before[by, None, :3])

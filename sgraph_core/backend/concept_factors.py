@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -10,7 +10,7 @@ import gtsam
 import numpy as np
 
 from sgraph_concepts.errors import ConceptError, one_line
-from sgraph_concepts.registry import Registry
+from sgraph_concepts.registry import RegisteredConcept, Registry
 from sgraph_concepts.spec import WALL_SURFACE
 from sgraph_concepts.types import ConceptNode, FactorContext, FactorResult, Memory
 from sgraph_core.backend.association import TIE_SIGMAS, Proposal, Same, associate
@@ -24,10 +24,10 @@ from sgraph_core.graph import SGraph
 from sgraph_core.nodes import check_nodes
 
 __all__ = [
-    "NO_FACTOR",
     "ConceptFactors",
     "FactorGroup",
     "concept_factors",
+    "factor_functions",
     "made_by",
     "propose",
     "ties",
@@ -36,6 +36,7 @@ __all__ = [
 
 NO_FACTOR = "none"
 """Named instead of a factor type, it leaves a concept's factors out."""
+FactorFunction = Callable[[ConceptNode, FactorContext], FactorResult]
 
 
 @dataclass(frozen=True)
@@ -196,20 +197,15 @@ def ties(same: Sequence[Same], graph: SGraph, keys: Keys) -> list[FactorResult]:
 def _results(
     graph: SGraph, keys: Keys, factor_types: Mapping[str, str], registry: Registry
 ) -> Iterator[tuple[str, ConceptNode, FactorResult]]:
-    for name in factor_types:
-        registry[name]  # raises if there is none
+    grouping = [concept for concept in registry if concept.spec.groups == WALL_SURFACE]
+    there = [concept for concept in grouping if graph.concepts.get(concept.spec.name)]
     planes, segments = world_planes(graph), graph.wall_surfaces.segments
     observed = {
         i: graph.surface_row(i) for i in sorted(set(graph.observations.surface_ids.tolist()))
     }
     surfaces = graph.wall_surfaces.ordered().take(np.array(list(observed.values()), np.int64))
-    for concept in registry:
-        name, spec = concept.spec.name, concept.spec
-        nodes = graph.concepts.get(name, [])
-        reference = factor_types.get(name, spec.factor)
-        if reference in (None, NO_FACTOR) or spec.groups != WALL_SURFACE or not nodes:
-            continue
-        make, memory = registry.part(name, "factor", reference), Memory()
+    for name, make in factor_functions(registry, there, factor_types).items():
+        nodes, memory = graph.concepts[name], Memory()
         for node in nodes:
             members = [member for member in node.members if member in observed]
             context = FactorContext(
@@ -224,8 +220,26 @@ def _results(
             yield name, node, made_by(make, name, node, context)
 
 
+def factor_functions(
+    registry: Registry, concepts: Iterable[RegisteredConcept], factor_types: Mapping[str, str]
+) -> dict[str, FactorFunction]:
+    """Return the factor functions of those of some concepts that have one, by name.
+
+    Raises:
+        ConceptError: a concept or a factor type is unknown.
+    """
+    for name in factor_types:
+        registry[name]  # raises if there is none
+    types = {c.spec.name: factor_types.get(c.spec.name, c.spec.factor) for c in concepts}
+    return {
+        name: registry.part(name, "factor", reference)
+        for name, reference in types.items()
+        if reference not in (None, NO_FACTOR)
+    }
+
+
 def made_by(
-    make: Callable[[ConceptNode, FactorContext], FactorResult],
+    make: FactorFunction,
     concept: str,
     node: ConceptNode,
     context: FactorContext,

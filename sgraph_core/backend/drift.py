@@ -30,7 +30,11 @@ UNKNOWN = 1e3
 
 
 class Drift:
-    """How well an S-Graph's measurements fix its keyframes relative to each other."""
+    """How well an S-Graph's measurements fix its keyframes relative to each other.
+
+    Args:
+        graph: an S-Graph whose low layers are solved.
+    """
 
     def __init__(self, graph: SGraph) -> None:
         self._origin = graph.keyframes.poses[:, :2].mean(axis=0)

@@ -102,7 +102,7 @@ def solve_robustly(
 ) -> RobustSolution:
     """Solve, switch off the worst misfits, and solve again until all that remains fits.
 
-    Where misfits share surfaces only the worst goes: it may be what bends the others.
+    Of the misfits of one stretch of the drive only the worst goes: it may be what bends the others.
 
     Args:
         low: the low layers.

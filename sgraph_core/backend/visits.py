@@ -27,6 +27,10 @@ class Visits:
         steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
         self._ways = np.concatenate([[0.0], np.cumsum(steps)])
 
+    def __contains__(self, surface: int) -> bool:
+        """Return whether some keyframe saw a surface."""
+        return surface in self._seen
+
     def first(self, surface: int) -> int:
         """Return the first keyframe that saw a surface."""
         return self._seen[surface][0]

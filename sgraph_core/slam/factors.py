@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import partial
 
 import gtsam
@@ -18,13 +18,11 @@ from sgraph_concepts.types import (
     SurfaceArrays,
 )
 from sgraph_core.backend.checks import check_factors
-from sgraph_core.backend.concept_factors import NO_FACTOR, made_by
+from sgraph_core.backend.concept_factors import factor_functions, made_by
 from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.low_layers import vertical_planes
 
 __all__ = ["FactorMakers"]
-
-FactorMaker = Callable[[ConceptNode, FactorContext], FactorResult]
 
 
 class FactorMakers:
@@ -47,15 +45,8 @@ class FactorMakers:
         factor_types: Mapping[str, str],
         keys: Keys,
     ) -> None:
-        for name in factor_types:
-            registry[name]  # raises if there is none
         self._keys = keys
-        self._makers: dict[str, FactorMaker] = {}
-        for concept in concepts:
-            name = concept.spec.name
-            reference = factor_types.get(name, concept.spec.factor)
-            if reference not in (None, NO_FACTOR):
-                self._makers[name] = registry.part(name, "factor", reference)
+        self._makers = factor_functions(registry, concepts, factor_types)
 
     @property
     def concepts(self) -> Collection[str]:

@@ -76,7 +76,7 @@ class LiveFragments:
         self._copies: dict[int, set[int]] = {}
         self._pins = self.pins = NO_PINS
 
-    def update(self, surfaces: SurfaceArrays, pins: PairPins = NO_PINS) -> Changed:
+    def update(self, surfaces: SurfaceArrays, pins: PairPins) -> Changed:
         """Take new surfaces in, and those among them that are known as they are now.
 
         Args:

@@ -41,16 +41,23 @@ class LiveNodes:
 
     Attributes:
         by_id: all nodes.
+
+    Args:
+        concept: its name.
+        nodes: those to begin with; of several with the same members one counts, a named one first.
     """
 
     def __init__(self, concept: str, nodes: Sequence[ConceptNode] = ()) -> None:
         self._concept = concept
-        self.by_id = {node.id: node for node in nodes}
-        self._of_members = {frozenset(node.members): node.id for node in nodes}
+        self._of_members: dict[Members, int] = {}
+        for node in sorted(nodes, key=lambda node: (node.name is None, node.id)):
+            self._of_members.setdefault(frozenset(node.members), node.id)
+        kept = set(self._of_members.values())
+        self.by_id = {node.id: node for node in nodes if node.id in kept}
         self._of_member: dict[int, set[int]] = {}
-        for node in nodes:
+        for node in self.by_id.values():
             self._enter(node)
-        self._next = max(self.by_id, default=-1) + 1
+        self._next = max((node.id for node in nodes), default=-1) + 1
 
     @property
     def members(self) -> set[Members]:

@@ -11,15 +11,9 @@ import gtsam
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sgraph_concepts.errors import ConceptError, InputError, OptimizationError
+from sgraph_concepts.errors import ConceptError, InputError, SGraphError
 from sgraph_concepts.spec import WALL_SURFACE
-from sgraph_concepts.types import (
-    ConceptNode,
-    FactorResult,
-    FloatArray,
-    Memory,
-    SurfaceArrays,
-)
+from sgraph_concepts.types import ConceptNode, FactorResult, FloatArray, Memory, SurfaceArrays
 from sgraph_core.backend.association import Same
 from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.robust import Refusal
@@ -34,8 +28,8 @@ from sgraph_core.slam.handout import Ledger, Owner
 from sgraph_core.slam.inference import LiveInference, Work
 from sgraph_core.slam.misfits import Misfits
 from sgraph_core.slam.nodes import LiveNodes, NodeChanges
+from sgraph_core.slam.observed import ObservedSurfaces
 from sgraph_core.slam.pins import PairPins
-from sgraph_core.slam.pool import Pool
 from sgraph_core.slam.smoother import Smoother
 from sgraph_core.slam.ties import tied_anew
 from sgraph_core.slam.update import Update, update_of
@@ -117,11 +111,8 @@ class ConceptTracker:
         self._mapped: dict[int, Mapped] = {}
         self._origin: FloatArray | None = None
         self._pending: set[int] = set(self._graph.wall_surfaces.ids.tolist())
-        self._observed: dict[int, int] = {}
-        self._seen = Pool(
-            id=np.empty(0, np.int64), segment=np.empty((0, 2, 2)), normal=np.empty((0, 2))
-        )
-        self._begin_to_see(np.unique(self._graph.observations.surface_ids).tolist())
+        self._observed = ObservedSurfaces()
+        self._observed.add(self._ordered(np.unique(self._graph.observations.surface_ids).tolist()))
         self._newly_observed: set[int] = set()
         self._unmade = False
         self._proposals: dict[Owner, Sequence[tuple[int, int]]] = {}
@@ -227,8 +218,8 @@ class ConceptTracker:
         """
         with self._lock:
             self._graph.observe(surface_id, keyframe_id, plane, sigmas)
-            if surface_id not in self._observed:
-                self._begin_to_see([surface_id])
+            if surface_id not in self._observed.rows:
+                self._observed.add(self._ordered([surface_id]))
                 self._newly_observed.add(surface_id)
 
     def move(
@@ -248,7 +239,7 @@ class ConceptTracker:
         with self._lock:
             self._graph.move(keyframes, surfaces)
             now = self._ordered(list(surfaces or {}))
-            self._see_moved(now)
+            self._observed.move(now)
             for surface, segment in zip(now.ids.tolist(), now.segments, strict=True):
                 if surface in self._mapped:
                     moved = np.abs(segment - self._mapped[surface][0]).max()
@@ -316,17 +307,23 @@ class ConceptTracker:
 
         Raises:
             InputError: the factors of the last update have not been placed.
+            ConceptError: a plugin proposes something else than pairs of observed surfaces.
             OptimizationError: as :meth:`optimize` raises it, on a graph of the tracker's own.
         """
         with self._lock:
             self._ledger.require_placed()
+            if self._smoother is not None:
+                self._smoother.check(self._graph)
             tied, made = tied_anew(self._graph, self._keys, self._proposals, self._ties, self._off)
             handout = self._ledger.prepare(self._ties.keys() - tied.keys(), made)
             self._ledger.commit(handout)
             self._misfits.take(handout, tied)
-            for owner in handout.gone:
-                self._off.pop(owner, None)
             self._ties = tied
+            self._off = {
+                subject: refusal
+                for subject, refusal in self._off.items()
+                if len(subject) == 2 or subject in tied
+            }
             update = update_of(handout, {}, [], Work())
             if self._smoother is not None:
                 update = replace(update, refusals=self._take(self._smoother, update))
@@ -338,10 +335,12 @@ class ConceptTracker:
         What contradicts it is switched off at once, and the map optimised again.
 
         Raises:
-            InputError: the factors of an update went to a graph of the caller's.
+            InputError: the factors of an update went to a graph of the caller's, or the solution
+                breaks the map file's rules.
             OptimizationError: odometry does not connect the keyframes, or the problem is
-                under-determined; then the next call builds the graph anew.
-            SGraphError: as :meth:`update` raises them.
+                under-determined.
+            SGraphError: as :meth:`update` raises them. After a solution that fails the next call
+                builds the graph anew, without ties until :meth:`associate` finds them again.
         """
         with self._lock:
             if self._smoother is None and self._ledger.used:
@@ -357,7 +356,7 @@ class ConceptTracker:
         Returns:
             Why factors were switched off in the new solution.
         """
-        refusals: list[Refusal] = []
+        refusals, off = list[Refusal](), self._off
         try:
             self._ledger.placed(smoother.add(self._graph, update))
             for steps_left in reversed(range(MOST_STEPS)):
@@ -369,12 +368,12 @@ class ConceptTracker:
                 step = self._without_misfits()
                 self._ledger.placed(smoother.add(self._graph, step, anew=True))
                 refusals += step.refusals
-        except (ConceptError, OptimizationError):
-            self._smoother, self._ties, self._unmade = None, {}, True
+            self.move(keyframes, surfaces)
+        except SGraphError:
+            self._smoother, self._ties, self._off, self._unmade = None, {}, off, True
             self._ledger, self._misfits = Ledger(), Misfits(self._keys)
             raise
         self._smoother = smoother
-        self.move(keyframes, surfaces)
         return refusals
 
     def _without_misfits(self) -> Update:
@@ -382,21 +381,24 @@ class ConceptTracker:
         found = self._misfits.verdict.found
         handout = self._ledger.prepare([], [(owner, FactorResult()) for owner in found])
         self._ledger.commit(handout)
-        self._off |= {self._subject(owner): refusal for owner, refusal in found.items()}
+        self._off = self._off | {self._subject(owner): why for owner, why in found.items()}
         self._misfits.take(handout, self._ties)
         return update_of(handout, {}, list(found.values()), Work())
 
     def _update(self) -> Update:
         self._ledger.require_placed()
         anew = self._live is None
-        surfaces = self._ordered(sorted(self._pending), self._mapped if anew else {})
+        surfaces = self._ordered(sorted(self._pending))
+        if anew:
+            surfaces = self._with_mapped(surfaces)
         live = self._live or self._begin(surfaces)
         self._live = None  # kept only if all goes well
         pins = between_mapped(self.pins, self._graph.wall_surfaces.ids.tolist())
         concerned, work = live.update(surfaces, PairPins(pins))
         changes = self._changes(live, concerned, anew)
         found = self._misfits.verdict.found
-        off = self._off | {self._subject(owner): refusal for owner, refusal in found.items()}
+        refused = {owner: self._subject(owner) for owner in found}
+        off = self._off | {refused[owner]: refusal for owner, refusal in found.items()}
         gone, made = self._factors(changes, off)
         proposals = {owner: result.same for owner, result in made}
         left = [owner for owner in found if owner not in {*gone, *proposals}]
@@ -406,19 +408,15 @@ class ConceptTracker:
         for name, change in changes.items():
             self._nodes[name].apply(change)
         self._ledger.commit(handout)
-        self._mapped |= {
-            int(i): (segment, normal)
-            for i, segment, normal in zip(
-                surfaces.ids, surfaces.segments, surfaces.normals, strict=True
-            )
-        }
+        looked_at = zip(surfaces.segments, surfaces.normals, strict=True)
+        self._mapped |= zip(surfaces.ids.tolist(), looked_at, strict=True)
         self._pending, self._newly_observed, self._unmade = set(), set(), False
         for owner in gone:
             self._proposals.pop(owner, None)
         self._proposals |= proposals
-        bare = [owner for owner, result in handout.made if owner in found and not result.factors]
-        refusals = [found[owner] for owner in bare]
         self._off = off
+        stay = [owner for owner in found if owner not in gone]
+        refusals = [found[owner] for owner in stay if self._subject(owner) == refused[owner]]
         self._misfits.take(handout, self._ties)
         return update_of(handout, changes, refusals, work)
 
@@ -463,8 +461,7 @@ class ConceptTracker:
             (name, node.id) for name, change in changes.items() for node in change.removed
         ]
         made: list[tuple[Owner, FactorResult]] = []
-        seen = self._seen
-        surfaces = SurfaceArrays(seen["id"], seen["segment"], seen["normal"])
+        surfaces, rows = self._observed.surfaces, self._observed.rows
         for name in self._makers.concepts:
             change, nodes = changes[name], self._nodes[name]
             after = nodes.after(change)
@@ -474,37 +471,24 @@ class ConceptTracker:
                 wanted.pop(node.id, None)
             memory = Memory()
             for node in after if self._unmade else sorted(wanted.values(), key=lambda n: n.id):
-                result = self._makers.make(name, node, after, surfaces, self._observed, memory)
+                result = self._makers.make(name, node, after, surfaces, rows, memory)
                 if (name, frozenset(node.members)) in off:
                     result = FactorResult(same=result.same)
                 made.append(((name, node.id), result))
         return gone, made
 
-    def _begin_to_see(self, ids: Sequence[int]) -> None:
-        """Take in surfaces that are observed for the first time."""
-        new = self._ordered(ids)
-        rows = self._seen.add(len(ids), id=new.ids, segment=new.segments, normal=new.normals)
-        self._observed.update(zip(ids, rows.tolist(), strict=True))
-
-    def _see_moved(self, surfaces: SurfaceArrays) -> None:
-        """Put those of the surfaces that are observed where they are now."""
-        which = [k for k, i in enumerate(surfaces.ids.tolist()) if i in self._observed]
-        moved = surfaces.take(np.array(which, np.int64))
-        rows = [self._observed[i] for i in moved.ids.tolist()]
-        self._seen["segment"][rows] = moved.segments
-        self._seen["normal"][rows] = moved.normals
-
-    def _ordered(
-        self, ids: Sequence[int], known: Mapping[int, Mapped] | None = None
-    ) -> SurfaceArrays:
-        """Return surfaces as they are now, and others as they were last looked at."""
+    def _ordered(self, ids: Sequence[int]) -> SurfaceArrays:
+        """Return surfaces as they are now."""
         rows = np.array([self._graph.surface_row(i) for i in ids], np.int64)
-        now = self._graph.wall_surfaces.take(rows).ordered()
-        rest = sorted((known or {}).keys() - set(ids))
-        if known is None or not rest:
+        return self._graph.wall_surfaces.take(rows).ordered()
+
+    def _with_mapped(self, now: SurfaceArrays) -> SurfaceArrays:
+        """Return surfaces, and all others as they were last looked at."""
+        rest = sorted(self._mapped.keys() - set(now.ids.tolist()))
+        if not rest:
             return now
         return SurfaceArrays(
             np.concatenate([now.ids, rest]),
-            np.concatenate([now.segments, [known[i][0] for i in rest]]),
-            np.concatenate([now.normals, [known[i][1] for i in rest]]),
+            np.concatenate([now.segments, [self._mapped[i][0] for i in rest]]),
+            np.concatenate([now.normals, [self._mapped[i][1] for i in rest]]),
         )

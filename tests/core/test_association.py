@@ -7,7 +7,9 @@ import pytest
 from plans import Point, rectangle, regular
 from visits import visit_rooms
 
+from sgraph_concepts.errors import ConceptError
 from sgraph_core.backend import associate, optimize
+from sgraph_core.backend.association import Proposal
 from sgraph_core.backend.concept_factors import propose
 from sgraph_core.graph import SGraph
 
@@ -52,6 +54,15 @@ def test_what_one_keyframe_sees_is_never_one_surface() -> None:
         body = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ seen.normal
         graph.observe(surface, keyframe, [*body, 0, distance], [0.01, 0.02])
     assert found(graph) == set()
+
+
+@pytest.mark.parametrize("other", [99, 50], ids=["unknown", "not observed"])
+def test_pairs_of_what_was_never_observed_are_named(other: int) -> None:
+    graph = visit_rooms([(ROOM, (0, 0, 0))])
+    graph.add_wall_surface(50, [[0, 0], [0, 1]], [1, 0])
+    for pair in ((0, other), (other, 0)):
+        with pytest.raises(ConceptError, match=rf"factor of zone 3: {pair[0]} and {pair[1]} must"):
+            associate(graph, [Proposal("zone", 3, [pair])])
 
 
 def test_parallel_walls_alone_prove_nothing() -> None:

@@ -2,71 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 
 import gtsam
 import numpy as np
 import pytest
+from callers import OWN, Caller, factors_by_keys
 from drive import drive
 from plans import block, plan, rectangle, true_rooms
 from tracked import keyframes_of
-from zone import Fickle, Moody
 
-from sgraph_concepts.errors import ConceptError, InputError, OptimizationError
-from sgraph_concepts.types import FloatArray
+from sgraph_concepts.errors import InputError, OptimizationError
 from sgraph_core.backend import Keys, low_layers, optimize
 from sgraph_core.detector import Detector
 from sgraph_core.evaluation.incremental import drive_through
 from sgraph_core.evaluation.trajectory import ate_rmse
 from sgraph_core.graph import SGraph
 from sgraph_core.slam import ConceptTracker, Update
-from sgraph_core.slam.smoother import Smoother
-
-OWN = Keys(
-    keyframe=lambda i: 1000 + i,
-    surface=lambda i: 5000 + i,
-    node=lambda concept, i, v: (9 if concept == "room" else 8) * 10**6 + 1000 * i + v,
-    tie=lambda one, two: 10**7 + 1000 * one + two,
-)
-
-
-class Caller:
-    """A SLAM system with an ISAM2 of its own: its factors on its keys, and the tracker's."""
-
-    def __init__(self, tracker: ConceptTracker) -> None:
-        params = gtsam.ISAM2Params()
-        params.relinearizeSkip = 1
-        params.setRelinearizeThreshold(1e-4)
-        self.tracker, self.isam = tracker, gtsam.ISAM2(params)
-        self.graph, self._smoother = SGraph(), Smoother(OWN)
-        self._smoother._isam = self.isam
-
-    def see(self, enter: Callable[[SGraph | ConceptTracker], None]) -> Update:
-        enter(self.graph)
-        enter(self.tracker)
-        return self.step()
-
-    def step(self) -> Update:
-        update = self.tracker.update()
-        self._smoother.check(self.graph)
-        self.tracker.placed(self._smoother.add(self.graph, update))
-        return update
-
-    def settled(self) -> gtsam.Values:
-        for _ in range(30):
-            self.isam.update()
-        return self.isam.calculateEstimate()
-
-
-def factors_by_keys(
-    graph: gtsam.NonlinearFactorGraph, at: gtsam.Values
-) -> list[tuple[object, ...]]:
-    """Return each factor as its type, its keys and its error at some values."""
-    factors = [graph.at(k) for k in range(graph.size()) if graph.exists(k)]
-    return sorted((type(f).__name__, tuple(f.keys()), round(f.error(at), 9)) for f in factors)
-
 
 # -- in the caller's own graph -----------------------------------------------------------------
 
@@ -287,7 +239,7 @@ def test_ties_go_with_the_nodes_that_proposed_them(detector: Detector) -> None:
     update = caller.tracker.associate()
     tied = set(update.values.keys())
     assert tied
-    caller.tracker.placed(caller._smoother.add(caller.graph, update))
+    caller.take(update)
     assert tied <= set(caller.isam.calculateEstimate().keys())
     table = caller.graph.wall_surfaces
     scattered = {
@@ -301,7 +253,7 @@ def test_ties_go_with_the_nodes_that_proposed_them(detector: Detector) -> None:
     assert not caller.tracker.nodes("room")
     gone = caller.tracker.associate()
     assert set(gone.unused) == tied
-    caller.tracker.placed(caller._smoother.add(caller.graph, gone))
+    caller.take(gone)
     assert not tied & set(caller.isam.calculateEstimate().keys())
 
 
@@ -328,188 +280,6 @@ def test_a_graph_is_the_callers_or_the_trackers(detector: Detector) -> None:
         tracker.update()
     with pytest.raises(InputError, match="a graph of the caller's"):
         caller.tracker.optimize()
-
-
-# -- failure -----------------------------------------------------------------------------------
-
-
-def state(tracker: ConceptTracker) -> tuple[object, ...]:
-    graph = tracker.snapshot()
-    arrays = (graph.keyframes.poses, graph.wall_surfaces.segments, graph.observations.planes)
-    return graph.concepts, [array.tolist() for array in arrays]
-
-
-def test_a_plugin_that_fails_changes_nothing_and_the_next_update_makes_up_for_it(
-    detector: Detector, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    factor_types = {"room": "zone:moody_factor"}
-    caller, calm = (
-        Caller(ConceptTracker(detector=detector, keys=OWN, factor_types=factor_types))
-        for _ in range(2)
-    )
-    keyframes = keyframes_of(drive(1).graph)
-    for number, enter in enumerate(keyframes[:16]):
-        if number == 9:
-            enter(caller.graph)
-            enter(caller.tracker)
-            before = state(caller.tracker)
-            monkeypatch.setattr(Moody, "fails", True)
-            for _ in range(2):
-                with pytest.raises(ConceptError, match=r"factor of room \d fails: not today"):
-                    caller.tracker.update()
-                assert state(caller.tracker) == before
-            monkeypatch.setattr(Moody, "fails", False)
-            caller.step()
-        else:
-            caller.see(enter)
-        calm.see(enter)
-    for concept in ("room", "wall"):
-        nodes = zip(caller.tracker.nodes(concept), calm.tracker.nodes(concept), strict=True)
-        for ours, theirs in nodes:
-            assert replace(ours, confidence=None) == replace(theirs, confidence=None)
-            # computed anew is the support of today, kept that of an earlier update
-            assert ours.confidence == pytest.approx(theirs.confidence, abs=1e-3)
-    estimates = caller.settled(), calm.settled()
-    made_up, as_usual = (
-        factors_by_keys(c.isam.getFactorsUnsafe(), estimates[1]) for c in (caller, calm)
-    )
-    assert [factor[:2] for factor in made_up] == [factor[:2] for factor in as_usual]
-    errors, usual = ([factor[2] for factor in some] for some in (made_up, as_usual))
-    assert errors == pytest.approx(usual, rel=1e-2, abs=1e-6)
-
-
-def test_a_graph_that_cannot_be_solved_is_named_and_built_anew(
-    detector: Detector, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    keyframes = keyframes_of(drive(1).graph)
-    moody, calm = (
-        ConceptTracker(detector=detector, factor_types={"room": "zone:moody_factor"})
-        for _ in range(2)
-    )
-    for number, enter in enumerate(keyframes[:8]):
-        enter(moody)
-        enter(calm)
-        calm.optimize()
-        if number == 6:
-            where = moody.snapshot().keyframes.poses.tolist()
-            monkeypatch.setattr(Moody, "floats", True)
-            with pytest.raises(OptimizationError, match="the factor graph cannot be solved"):
-                moody.optimize()
-            assert moody.snapshot().keyframes.poses.tolist() == where
-            monkeypatch.setattr(Moody, "floats", False)
-        moody.optimize()
-    poses = [tracker.snapshot().keyframes.poses for tracker in (moody, calm)]
-    assert poses[0] == pytest.approx(poses[1], abs=0.02)
-
-
-@pytest.mark.parametrize("part", [0.1, 0.5, 0.7, 0.85, 1.0])
-def test_a_factor_that_fails_at_any_moment_is_named_and_the_graph_built_anew(
-    part: float, detector: Detector
-) -> None:
-    calm, fickle = (
-        ConceptTracker(detector=detector, factor_types={"wall": "zone:fickle_factor"})
-        for _ in range(2)
-    )
-    for enter in keyframes_of(drive(1).graph)[:15]:
-        enter(calm)
-        enter(fickle)
-    Fickle.left = enough = 10_000
-    calm.optimize()
-    before = state(fickle)[1]
-    Fickle.left = round(part * (enough - Fickle.left)) - 1
-    with pytest.raises((ConceptError, OptimizationError), match=r"not any more$"):
-        fickle.optimize()
-    assert state(fickle)[1] == before
-    Fickle.left = enough
-    fickle.optimize()
-    assert state(fickle)[1] == state(calm)[1]
-
-
-def test_two_nodes_with_one_variable_are_refused(detector: Detector) -> None:
-    one_key = Keys(node=lambda _concept, _i, _v: 77)
-    tracker = ConceptTracker(detector=detector, keys=one_key)
-    for enter in keyframes_of(drive(1).graph):
-        enter(tracker)
-    with pytest.raises(ConceptError, match=r"(room|wall) \d+: its variable 77 exists already"):
-        tracker.update()
-
-
-def bad_calls(tracker: ConceptTracker) -> dict[str, Callable[[], object]]:
-    segment: FloatArray = np.array([[0.0, 0.0], [0.0, 1.0]])
-    level = [0.0, 0, 0, 0, 0, 0, 1]
-    return {
-        r"keyframes\[0\].id = 0: must be unique": lambda: tracker.add_keyframe(0, level),
-        r"wall_surfaces\[0\].id = 0: must be unique": lambda: tracker.add_wall_surface(
-            0, segment, [1, 0]
-        ),
-        r"observations\[0\].surface = 99: must be the id": lambda: tracker.observe(
-            99, 0, [1, 0, 0, 1], [0.1, 0.1]
-        ),
-        r"wall_surfaces\[0\].segment .* must be finite": lambda: tracker.move(
-            surfaces={0: ([[0, 0], [np.nan, 1]], [1, 0])}
-        ),
-        r"wall_surfaces\[0\].id = 99": lambda: tracker.move(
-            {0: [5.0, *level[1:]]}, {99: (segment, [1, 0])}
-        ),
-        r"pose = .* must have shape \[7\]": lambda: tracker.move({0: [1, 2, 3]}),
-        r"id '0': must be an integer": lambda: tracker.move({"0": level}),  # type: ignore[dict-item]
-        "the values are not of this map: .*s0": lambda: tracker.follow(
-            held(Keys().surface(0), gtsam.Pose3())
-        ),
-        "the values are not of this map: .*x0": lambda: tracker.follow(
-            held(Keys().keyframe(0), gtsam.OrientedPlane3(1, 0, 0, 1))
-        ),
-        r"the values hold \[1.0, 0.0, 0.0, nan\] as the plane of wall surface 0": lambda: (
-            tracker.follow(held(Keys().surface(0), gtsam.OrientedPlane3(1, 0, 0, np.nan)))
-        ),
-        r"the values hold .* as the plane of wall surface 1: .* not level": lambda: tracker.follow(
-            held(Keys().surface(1), gtsam.OrientedPlane3(0, 0, 1, 2))
-        ),
-        r"keyframes\[0\].pose .* must be finite": lambda: tracker.follow(
-            held(Keys().keyframe(0), gtsam.Pose3(gtsam.Rot3(), np.array([np.nan, 0, 0])))
-        ),
-        "concept 'roof' is not inferred": lambda: tracker.nodes("roof"),
-        "2 indices are given for 0 factors": lambda: tracker.placed([1, 2]),
-    }
-
-
-def held(key: int, value: gtsam.Pose3 | gtsam.OrientedPlane3) -> gtsam.Values:
-    values = gtsam.Values()
-    values.insert(key, value)
-    return values
-
-
-@pytest.mark.parametrize("number", range(14))
-def test_bad_input_is_named_and_changes_nothing(number: int, detector: Detector) -> None:
-    tracker = ConceptTracker(detector=detector)
-    keyframes_of(drive(0).graph)[0](tracker)
-    tracker.placed(range(tracker.update().factors.size()))
-    before = state(tracker)
-    message, call = list(bad_calls(tracker).items())[number]
-    with pytest.raises((InputError, ConceptError), match=message):
-        call()
-    assert state(tracker) == before
-
-
-def test_unknown_concepts_and_factor_types_are_named(detector: Detector) -> None:
-    with pytest.raises(ConceptError, match="no concept 'roof'"):
-        ConceptTracker(detector=detector, concepts=["roof"])
-    with pytest.raises(ConceptError, match="factor of concept 'wall': 'fancy' is neither"):
-        ConceptTracker(detector=detector, factor_types={"wall": "fancy"})
-
-
-def test_an_update_waits_for_the_indices_of_the_one_before(detector: Detector) -> None:
-    tracker = ConceptTracker(detector=detector)
-    for enter in keyframes_of(drive(0).graph)[:6]:
-        enter(tracker)
-    count = tracker.update().factors.size()
-    assert count
-    with pytest.raises(InputError, match=f"the last update has {count} factors"):
-        tracker.update()
-    with pytest.raises(InputError, match=f"1 indices are given for {count} factors"):
-        tracker.placed([0])
-    tracker.placed(range(count))
-    assert tracker.update().factors.size() == 0
 
 
 # -- threads -----------------------------------------------------------------------------------

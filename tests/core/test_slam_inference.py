@@ -13,7 +13,7 @@ from tracked import add, assert_as_inferred_at_once, building, eastwards
 import sgraph_plugins.room.outline
 from sgraph_concepts.errors import InputError
 from sgraph_concepts.spec import ConceptSpec
-from sgraph_concepts.types import FloatArray, SurfaceArrays
+from sgraph_concepts.types import ConceptNode, FloatArray, SurfaceArrays
 from sgraph_core import load
 from sgraph_core.concepts import installed, new_registry
 from sgraph_core.detector import Detector
@@ -154,6 +154,19 @@ def test_what_changed_is_told_once(detector: Detector) -> None:
     assert [node.members for node in second["room"].added] == [(4, 5, 6, 7)]
     assert not second["room"].removed
     assert [node.members for node in second["wall"].added] == [(1, 7)]
+
+
+def test_of_rooms_with_the_same_members_one_counts(detector: Detector) -> None:
+    graph = block(0.15)
+    members = (0, 1, 2, 3)
+    graph.concepts["room"] = [ConceptNode(4, members), ConceptNode(9, members, name="office")]
+    tracker = ConceptTracker(graph, detector)
+    tracker.update()
+    (room,) = (node for node in tracker.nodes("room") if node.members == members)
+    assert (room.id, room.name) == (9, "office")
+    assert_as_inferred_at_once(tracker, detector)
+    assert len(tracker.nodes("room")) == 4
+    assert min(node.id for node in tracker.nodes("room")) == 9, "an id is not used again"
 
 
 def test_a_map_to_begin_with_gives_its_ids_and_names_on(detector: Detector) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import gtsam
 import numpy as np
 import pytest
+from callers import Caller, relinearized_at_once
 from drive import drive
 from tracked import keyframes_of
 
@@ -18,7 +19,6 @@ from sgraph_core.detector import Detector
 from sgraph_core.evaluation.trajectory import ate_rmse
 from sgraph_core.graph import SGraph
 from sgraph_core.slam import ConceptTracker, Update
-from sgraph_core.slam.smoother import Smoother
 
 LEVEL = [0.0, 0, 0, 0, 0, 0, 1]
 FIFTHS = {"wall": "zone:tie_at_a_fifth", "room": "none"}
@@ -76,26 +76,13 @@ def test_it_stays_out_while_its_members_stay(in_order: Detector) -> None:
     assert len(tracker.refusals) == 1
 
 
-class CallersIsam:
-    """An ISAM2 of the caller's, with gtsam's parameters as they come or not."""
-
-    def __init__(self, graph: SGraph, tracker: ConceptTracker, params: gtsam.ISAM2Params) -> None:
-        self.graph, self.tracker = graph, tracker
-        self.isam, self._smoother = gtsam.ISAM2(params), Smoother(Keys())
-        self._smoother._isam = self.isam
+class Following(Caller):
+    """Tells the tracker each solution."""
 
     def step(self) -> Update:
-        update = self.tracker.update()
-        self.tracker.placed(self._smoother.add(self.graph, update))
+        update = super().step()
         self.tracker.follow(self.isam.calculateEstimate())
         return update
-
-
-def relinearized_at_once() -> gtsam.ISAM2Params:
-    params = gtsam.ISAM2Params()
-    params.relinearizeSkip = 1
-    params.setRelinearizeThreshold(1e-4)
-    return params
 
 
 @pytest.mark.parametrize("params", [relinearized_at_once, gtsam.ISAM2Params])
@@ -103,7 +90,8 @@ def test_it_leaves_the_callers_isam2_with_the_next_update(
     params: Callable[[], gtsam.ISAM2Params], in_order: Detector
 ) -> None:
     graph = four_walls()
-    caller = CallersIsam(graph, ConceptTracker(graph, in_order, factor_types=FIFTHS), params())
+    tracker = ConceptTracker(graph, in_order, factor_types=FIFTHS)
+    caller = Following(tracker, Keys(), graph, params())
     updates = [caller.step() for _ in range(14)]
     wall = fourth_wall(caller.tracker)
     (leaves,) = [k for k, update in enumerate(updates) if update.refusals]
@@ -158,7 +146,7 @@ def test_an_update_that_fails_refuses_nothing_yet(
 ) -> None:
     graph = four_walls()
     tracker = ConceptTracker(graph, in_order, factor_types=FIFTHS)
-    caller = CallersIsam(graph, tracker, relinearized_at_once())
+    caller = Following(tracker, Keys(), graph)
     while not tracker._misfits.verdict.found:
         caller.step()
     graph.add_wall_surface(20, [[8, 0], [8, 2]], [1, 0])
@@ -231,14 +219,13 @@ def test_right_detections_are_not_refused_before_isam2_has_linearized_anew(
     """As it comes, ISAM2 does so at every tenth update only."""
     for seed in range(4):
         graph, tracker = SGraph(), ConceptTracker(detector=detector)
-        caller = CallersIsam(graph, tracker, gtsam.ISAM2Params())
+        caller = Following(tracker, Keys(), graph, gtsam.ISAM2Params())
         for number, enter in enumerate(keyframes_of(drive(seed).graph)):
             enter(graph)
             enter(tracker)
             caller.step()
             if number % 6 == 5:
-                update = tracker.associate()
-                tracker.placed(caller._smoother.add(graph, update))
+                caller.take(tracker.associate())
         assert tracker.refusals == []
 
 
