@@ -22,7 +22,6 @@ __all__ = [
     "Keyframes",
     "Observations",
     "Odometry",
-    "RuleError",
     "RowError",
     "RuleError",
     "Table",
