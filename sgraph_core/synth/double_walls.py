@@ -62,8 +62,11 @@ def draw_double_walls(
         ]
         pair = [int(owners[gaps.one[gap]]), int(owners[gaps.two[gap]])]
         free = shapely.area(shapely.intersection([rooms[k] for k in pair], aisles))
-        left = [clean(rooms[k].difference(body)) for k in pair]
-        if (free < FREE * shapely.area(aisles)).any() or left[0] is None or left[1] is None:
+        less = shapely.difference([rooms[k] for k in pair], body)
+        if (free < FREE * shapely.area(aisles)).any() or not shapely.is_valid(less).all():
+            continue
+        left = [clean(room) for room in less]
+        if left[0] is None or left[1] is None:
             continue
         rooms[pair[0]], rooms[pair[1]] = left[0], left[1]
         hollow = gaps.body(gap, inner, middle - cavity / 2, middle + cavity / 2)

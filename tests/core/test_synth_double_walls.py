@@ -73,6 +73,13 @@ def test_a_wall_that_is_thick_enough_keeps_its_thickness() -> None:
     assert walls[0].cavity.symmetric_difference(box(5.08, 0.05, 5.12, 3.95)).area < 1e-9
 
 
+def test_a_room_with_no_valid_outline_keeps_its_wall() -> None:
+    """Rooms whose hole has come to lie outside are rare, and no reason to fail."""
+    holed = Polygon(TWO_ROOMS[0].exterior, [box(2, 4.1, 3, 4.5).exterior])
+    rooms, walls = draw_double_walls([holed, TWO_ROOMS[1]], np.random.default_rng(0), DOUBLE)
+    assert (rooms, walls) == ([holed, TWO_ROOMS[1]], [])
+
+
 def test_a_corridor_is_not_made_narrow() -> None:
     corridor = [box(0, 0, 5, 0.75), box(0, 0.95, 5, 5)]
     rooms, walls = draw_double_walls(corridor, np.random.default_rng(0), DOUBLE)
