@@ -46,6 +46,7 @@ FARTHEST_M = REACH_M + ASIDE_M
 """Surfaces whose boxes are farther apart, along an axis, are not in line."""
 BOXES = 16
 """In how many boxes along its line a surface looks for others."""
+BOXES_AT_ONCE = 65536
 
 
 def support(surfaces: SurfaceArrays) -> FloatArray:
@@ -146,6 +147,11 @@ def _near_lines(surfaces: SurfaceArrays) -> tuple[IntArray, IntArray]:
     low = np.minimum(points[:, :-1], points[:, 1:]).reshape(-1, 2) - ASIDE_M
     high = np.maximum(points[:, :-1], points[:, 1:]).reshape(-1, 2) + ASIDE_M
     tree = shapely.STRtree(points_of(surfaces.midpoints))
-    box, near = tree.query(shapely.box(*low.T, *high.T))
-    one, two = unique_pairs(box // BOXES, near).T
+    found = []
+    for first in range(0, len(low), BOXES_AT_ONCE):  # bounds the memory
+        some = slice(first, first + BOXES_AT_ONCE)
+        box, near = tree.query(shapely.box(*low[some].T, *high[some].T))
+        found.append(np.stack([(first + box) // BOXES, near]))
+    asking, near = np.concatenate([np.empty((2, 0), np.int64), *found], axis=1)
+    one, two = unique_pairs(asking, near).T
     return one[one != two], two[one != two]
