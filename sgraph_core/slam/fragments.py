@@ -49,7 +49,8 @@ class LiveFragments:
         parents: the surfaces as they came, by row: ``id``, ``segment``, ``normal``, ``box``.
         fragments: theirs: ``parent`` id, ``segment``, ``normal``, ``box``, and for its users to
             fill in ``reach``, how far a fragment looks for its neighbours, ``in_line``, the lengths
-            of others in line with it, and ``support``, what it was last scored by.
+            of others in line with it, ``turn``, four times its direction, and ``support``, what it
+            was last scored by.
         pins: pins between fragments' parents; those of a surface that was dropped are its
             original's.
     """
@@ -68,6 +69,7 @@ class LiveFragments:
             box=np.empty((0, 4)),
             reach=np.empty(0),
             in_line=np.empty((0, 2)),
+            turn=np.empty((0, 2)),
             support=np.empty((0, len(SUPPORT))),
         )
         self._row: dict[int, int] = {}

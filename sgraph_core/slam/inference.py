@@ -64,7 +64,7 @@ class LiveInference:
         self._detector, self._concepts = detector, concepts
         self._fragments, self._pins = LiveFragments(), NO_PINS
         self._pairs = LivePairs(self._fragments.fragments, origin, len(concepts))
-        self._support = LiveSupport(self._fragments.fragments, origin)
+        self._support = LiveSupport(self._fragments.fragments, self._pairs)
         self._relations = LiveRelations(detector, concepts, self._pairs)
         self._clusters = {
             concept.spec.name: LiveClusters(concept, column, detector, self._fragments, self._pairs)

@@ -7,8 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from sgraph_concepts.types import FloatArray, IntArray, SurfaceArrays
+from sgraph_concepts.types import FloatArray, IntArray
 from sgraph_core.slam.fragments import Changed
+from sgraph_core.slam.pairs import LivePairs
 from sgraph_core.slam.pool import Pool
 from sgraph_core.support import FARTHEST_M, collinear, lines_near, turns
 
@@ -22,21 +23,22 @@ ROWS_AT_ONCE = 64
 
 
 class LiveSupport:
-    """Keeps up the columns ``in_line`` and ``support`` of fragments.
+    """Keeps up the columns ``in_line``, ``turn`` and ``support`` of fragments.
 
     Args:
         fragments: their pool, changed by its owner before each update.
-        origin: what coordinates are taken relative to, [2].
+        pairs: gives the fragments near the origin, where computing costs no precision.
     """
 
-    def __init__(self, fragments: Pool, origin: FloatArray) -> None:
-        self._fragments, self._origin = fragments, origin
+    def __init__(self, fragments: Pool, pairs: LivePairs) -> None:
+        self._fragments, self._pairs = fragments, pairs
         self._turns, self._length = np.zeros(2), 0.0
 
     def update(self, changed: Changed) -> IntArray:
         """Take in what became of the fragments; return the rows whose support is another now."""
         pool = self._fragments
         pool["in_line"][changed.added] = 0.0
+        pool["turn"][changed.added] = turns(self._pairs.surfaces(changed.added))
         pool["support"][changed.added] = np.nan
         stay = pool["alive"].copy()
         stay[changed.added] = False
@@ -50,15 +52,15 @@ class LiveSupport:
 
     def _support(self, rows: IntArray) -> FloatArray:
         in_line = np.maximum(self._fragments["in_line"][rows], 0)  # what is gone leaves rounding
-        aligned = turns(self._surfaces(rows)) @ self._turns / self._length
+        aligned = self._fragments["turn"][rows] @ self._turns / self._length
         return np.column_stack([np.log1p(in_line), aligned])
 
     def _count(self, rows: IntArray, sign: int, stay: NDArray[np.bool_]) -> None:
         """Count fragments that came, or no longer those that went."""
         for some in self._neighbouring(rows):
-            mine = self._surfaces(some)
-            self._turns += sign * (mine.lengths @ turns(mine))
-            self._length += sign * mine.lengths.sum()
+            lengths = self._pairs.surfaces(some).lengths
+            self._turns += sign * (lengths @ self._fragments["turn"][some])
+            self._length += sign * lengths.sum()
             self._count_in_line(some, sign, stay)
 
     def _neighbouring(self, rows: IntArray) -> Iterator[IntArray]:
@@ -70,7 +72,7 @@ class LiveSupport:
     def _count_in_line(self, some: IntArray, sign: int, stay: NDArray[np.bool_]) -> None:
         pool = self._fragments
         rows = np.union1d(some, pool.meeting("box", pool["box"][some], FARTHEST_M))
-        surfaces = self._surfaces(rows)
+        surfaces = self._pairs.surfaces(rows)
         one, two = lines_near(surfaces, np.searchsorted(rows, some))
         shares, lengths = collinear(surfaces, one, two), surfaces.lengths[:, None]
         others = stay[rows[two]]
@@ -78,9 +80,3 @@ class LiveSupport:
         np.add.at(pool["in_line"], rows[two[others]], changes)
         if sign > 0:
             np.add.at(pool["in_line"], rows[one], shares * lengths[two])
-
-    def _surfaces(self, rows: IntArray) -> SurfaceArrays:
-        some = self._fragments
-        return SurfaceArrays(
-            some["parent"][rows], some["segment"][rows] - self._origin, some["normal"][rows]
-        )

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
+from views import EXACT_VIEW
 
 from sgraph_concepts.errors import InputError
 from sgraph_core import map_file
@@ -27,16 +28,7 @@ from sgraph_core.synth.plan import draw_plan
 CLEAN = BuildingConfig(
     plan=PlanConfig(crooked_m=(0.0,)),
     fittings=FittingConfig(door_share=(0.0,), door_leaf_share=(0.0,), furnished_share=(0.0,)),
-    view=ViewConfig(
-        occluded_share=0.0,
-        drifted_share=0.0,
-        through_share=(0.0,),
-        fragmented_share=0.0,
-        missing_share=(0.0,),
-        cropped_share=(0.0,),
-        duplicate_share=(0.0,),
-        noise_m=(0.0,),
-    ),
+    view=EXACT_VIEW,
 )
 
 

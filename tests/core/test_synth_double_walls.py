@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import shapely
 from shapely import LineString, Polygon, box
+from views import EXACT_VIEW
 
 from sgraph_concepts.types import FloatArray
 from sgraph_core.preprocess import preprocess
@@ -22,16 +23,6 @@ from sgraph_core.synth.view import draw_view
 
 TWO_ROOMS = [box(0, 0, 5, 4), box(5.2, 0, 9, 6)]
 DOUBLE = PlanConfig(double_wall_share=(1.0,), leaf_m=(0.1, 0.1), cavity_m=(0.2, 0.2))
-PLAIN = ViewConfig(
-    occluded_share=0.0,
-    drifted_share=0.0,
-    through_share=(0.0,),
-    fragmented_share=0.0,
-    missing_share=(0.0,),
-    cropped_share=(0.0,),
-    duplicate_share=(0.0,),
-    noise_m=(0.0,),
-)
 
 
 def floors(count: int, **fittings: object) -> Iterator[Floor]:
@@ -47,7 +38,7 @@ def buildings(count: int, cavity_share: float, cavity_m: float) -> Iterator[Buil
     config = BuildingConfig(
         plan=DOUBLE.model_copy(update={"cavity_m": (cavity_m, cavity_m), "crooked_m": (0.0,)}),
         fittings=FittingConfig(cavity_share=cavity_share),
-        view=PLAIN,
+        view=EXACT_VIEW,
     )
     for seed in range(count):
         yield draw_building(np.random.default_rng(seed), config)
@@ -164,7 +155,7 @@ def test_no_face_of_a_cavity_is_mapped_as_one_with_another_surface() -> None:
     config = BuildingConfig(
         plan=DOUBLE,
         fittings=FittingConfig(cavity_share=1.0),
-        view=PLAIN.model_copy(update={"through_share": (1.0,)}),
+        view=EXACT_VIEW.model_copy(update={"through_share": (1.0,)}),
     )
     joined = 0
     for seed in range(5):

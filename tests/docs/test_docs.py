@@ -42,7 +42,9 @@ def test_the_pages_python_code_runs(
 
 
 def test_the_front_ends_code_runs() -> None:
-    for block in code_blocks(DOCS / "frontend.md", "python"):
+    blocks = code_blocks(DOCS / "frontend.md", "python")
+    assert blocks
+    for block in blocks:
         exec(compile(block, "frontend.md", "exec"), {})
 
 
