@@ -20,6 +20,7 @@ __all__ = [
     "lines_of",
     "nearest",
     "points_of",
+    "rectangle_sides",
     "unique_pairs",
 ]
 
@@ -58,6 +59,21 @@ def boxes_of(corners: FloatArray, margin: float = 0.0) -> Geometries:
     # the index looks at nothing but the boxes of what it is asked with, and lines are made in
     # two thirds of the time of polygons
     return lines_of(np.stack([lowest, highest], axis=1))
+
+
+def rectangle_sides(shapes: Geometries) -> FloatArray:
+    """Return the sides of the smallest rectangle around each shape, the shorter one first, [N, 2].
+
+    Both are 0 where all of the shape lies in one line.
+    """
+    corners, of = shapely.get_coordinates(
+        shapely.minimum_rotated_rectangle(shapes), return_index=True
+    )
+    wide = np.bincount(of, minlength=len(shapes)) == 5  # a closed ring
+    along = np.diff(corners[wide[of]].reshape(-1, 5, 2)[:, :3], axis=1)
+    sides = np.zeros((len(shapes), 2))
+    sides[wide] = np.sort(np.linalg.norm(along, axis=2), axis=1)
+    return sides
 
 
 def dot(one: FloatArray, two: FloatArray) -> FloatArray:

@@ -44,14 +44,15 @@ def multicut(count: int, pairs: IntArray, weights: FloatArray) -> list[list[int]
     """
     parts = _parts(count, pairs[weights > 0])
     inside = parts[pairs[:, 0]] == parts[pairs[:, 1]]  # no contraction joins two parts
-    pairs, weights = pairs[inside], weights[inside]
+    disputed = np.isin(parts, parts[pairs[inside & (weights < 0), 0]])  # the others stay whole
+    inside &= disputed[pairs[:, 0]]
     neighbours: list[dict[int, float]] = [{} for _ in range(count)]
-    for (one, two), weight in zip(pairs.tolist(), weights.tolist(), strict=True):
+    for (one, two), weight in zip(pairs[inside].tolist(), weights[inside].tolist(), strict=True):
         neighbours[one][two] = neighbours[two][one] = weight
     owner = _contracted(neighbours)
     _move(owner, neighbours)
     members: dict[int, list[int]] = defaultdict(list)
-    for number, one in enumerate(owner):
+    for number, one in enumerate(np.where(disputed, owner, parts).tolist()):
         members[one].append(number)
     return sorted(members.values())
 

@@ -7,7 +7,7 @@ import shapely
 from numpy.typing import NDArray
 
 from sgraph_concepts.types import FloatArray, IntArray
-from sgraph_core.geometry import Geometries
+from sgraph_core.geometry import Geometries, rectangle_sides
 from sgraph_core.grid.outlines import enclosed_area
 from sgraph_core.grid.settings import SurfaceSettings
 
@@ -108,6 +108,5 @@ def _extents(boxes: FloatArray) -> FloatArray:
 
 def _elongated(shapes: Geometries, ratio: float) -> NDArray[np.bool_]:
     """Return which shapes with an area are more than so many times as long as wide, [N]."""
-    corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(shapes))
-    sides = np.linalg.norm(np.diff(corners.reshape(-1, 5, 2)[:, :3], axis=1), axis=2)
-    return np.asarray(sides.max(axis=1) > ratio * sides.min(axis=1))
+    width, length = rectangle_sides(shapes).T
+    return np.asarray(length > ratio * width)

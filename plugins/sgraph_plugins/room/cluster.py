@@ -9,7 +9,6 @@ import shapely
 
 from sgraph_concepts.types import (
     Cluster,
-    IntArray,
     OccupancyGrid,
     Scene,
     ScoredEdges,
@@ -18,6 +17,7 @@ from sgraph_concepts.types import (
 from sgraph_core.clustering.canonical import Relation, canonical_relation
 from sgraph_core.clustering.confidence import clusters_of
 from sgraph_core.clustering.multicut import multicut
+from sgraph_core.geometry import dot, rectangle_sides
 from sgraph_core.grid.passages import separated
 from sgraph_core.grid.regions import label_cells, spaces_faced
 from sgraph_core.grid.strips import count_labels
@@ -59,7 +59,7 @@ def cluster(edges: ScoredEdges, scene: Scene) -> list[Cluster]:
         groups = [part for group in groups for part in _by_space(group, surfaces, scene.grid)]
     large = [group for group in groups if len(group) >= FEWEST_MEMBERS]
     small = [group for group in groups if len(group) < FEWEST_MEMBERS]
-    encloses = {group[0]: _encloses_a_room(surfaces, np.array(group)) for group in large}
+    encloses = _enclose_a_room(surfaces, large)
     covered: dict[int, float] = {}
     if scene.grid is not None:
         covered = _covered([g for g in large if encloses[g[0]]], surfaces, scene.grid)
@@ -121,25 +121,23 @@ def _faces(surfaces: SurfaceArrays, one: int, others: list[int]) -> bool:
     return bool(in_front.max() > IN_FRONT_M)
 
 
-def _encloses_a_room(surfaces: SurfaceArrays, rows: IntArray) -> bool:
-    """Return whether surfaces face a space between them that is wide enough for a room."""
-    return _encloses(surfaces, rows) and _width(surfaces, rows) >= NARROWEST_M
+def _enclose_a_room(surfaces: SurfaceArrays, groups: list[list[int]]) -> dict[int, bool]:
+    """Return, by first members, which groups face a space that is wide enough for a room.
 
-
-def _width(surfaces: SurfaceArrays, rows: IntArray) -> float:
-    """Return the shorter side of the smallest rectangle around surfaces, 0 if they are in line."""
-    ends = shapely.multipoints(surfaces.segments[rows].reshape(-1, 2))
-    corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(ends))
-    sides = np.linalg.norm(np.diff(corners, axis=0), axis=1)
-    return float(sides.min()) if len(corners) > 3 else 0.0
-
-
-def _encloses(surfaces: SurfaceArrays, rows: IntArray) -> bool:
-    """Return whether surfaces face the space between them: a facade's face away from it.
-
-    By the divergence theorem, the sum of length * (midpoint - centre) . normal over a closed
-    outline is minus twice its area where the normals point inwards, and twice it otherwise.
+    A facade's face away from the space between them. By the divergence theorem, the sum of length *
+    (midpoint - centre) . normal over a closed outline is minus twice its area where the normals
+    point inwards, and twice it otherwise.
     """
-    lengths, midpoints = surfaces.lengths[rows], surfaces.midpoints[rows]
-    centre = (lengths[:, None] * midpoints).sum(axis=0) / lengths.sum()
-    return bool((lengths * ((midpoints - centre) * surfaces.normals[rows]).sum(axis=1)).sum() < 0)
+    if not groups:
+        return {}
+    sizes = np.array([len(group) for group in groups])
+    some, of = surfaces.take(np.concatenate(groups)), np.repeat(np.arange(len(groups)), sizes)
+    points = shapely.points(some.segments.reshape(-1, 2))
+    widths = rectangle_sides(shapely.multipoints(points, indices=np.repeat(of, 2)))[:, 0]
+    first = np.cumsum(sizes) - sizes
+    lengths, midpoints = some.lengths, some.midpoints
+    sums = np.add.reduceat(np.column_stack([lengths, lengths[:, None] * midpoints]), first)
+    centres = (sums[:, 1:] / sums[:, :1])[of]
+    areas = -np.add.reduceat(lengths * dot(midpoints - centres, some.normals), first)
+    rooms = (areas > 0) & (widths >= NARROWEST_M)
+    return {group[0]: is_room for group, is_room in zip(groups, rooms.tolist(), strict=True)}
