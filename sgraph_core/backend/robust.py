@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from math import inf, isnan
 
 import gtsam
 from scipy.special import chdtri
@@ -27,9 +29,14 @@ __all__ = [
 
 REJECTION = 1e-3
 """Probability with which correct factors are switched off."""
-MOST_ROUNDS = 12
 STRETCH = 20
 """Keyframes that are near one another: what they saw may be bent by one wrong factor."""
+NEARLY = 0.5
+"""Misfits this close to the worst one near them go together with it."""
+ROUGH, FINE = 1e-3, 1e-5
+"""Share of the error by which the last iteration lowers it: when misfits are first looked for, and
+when there are none left. To bend a map into a wrong loop takes many iterations for nothing."""
+MOST_ITERATIONS = 100
 
 
 @dataclass(frozen=True)
@@ -50,6 +57,11 @@ class Refusal:
     squares: float
     threshold: float
     freedom: int
+
+    @property
+    def excess(self) -> float:
+        """How many times its threshold the squared error is."""
+        return self.squares / self.threshold
 
     def __str__(self) -> str:
         what = f"{self.concept} {self.node}"
@@ -78,19 +90,64 @@ def solve(factors: gtsam.NonlinearFactorGraph, start: gtsam.Values) -> tuple[gts
     Raises:
         OptimizationError: the problem is under-determined, or a factor fails.
     """
+    solver = _Solver(factors, start)
+    solver.iterate(FINE)
+    return solver.values, solver.iterations
+
+
+class _Solver:
+    """Levenberg-Marquardt, with looks in between.
+
+    Args:
+        factors: of the graph.
+        start: values of all its variables.
+
+    Raises:
+        OptimizationError: a factor fails.
+    """
+
+    def __init__(self, factors: gtsam.NonlinearFactorGraph, start: gtsam.Values) -> None:
+        params = gtsam.LevenbergMarquardtParams()
+        params.setOrderingType("METIS")  # the default is slower where many loops are closed
+        with _failing_as("the factor graph cannot be solved"):
+            self._optimizer = gtsam.LevenbergMarquardtOptimizer(factors, start, params)
+
+    @property
+    def values(self) -> gtsam.Values:
+        """The solution so far."""
+        return self._optimizer.values()
+
+    @property
+    def iterations(self) -> int:
+        """How many there were."""
+        return int(self._optimizer.iterations())
+
+    def iterate(self, tolerance: float) -> None:
+        """Iterate until the error falls by no more than a share of itself.
+
+        Raises:
+            OptimizationError: the problem is under-determined, or a factor fails.
+        """
+        with _failing_as("the factor graph cannot be solved"):
+            while self.iterations < MOST_ITERATIONS:
+                before = self._optimizer.error()
+                self._optimizer.iterate()
+                if not before - self._optimizer.error() > tolerance * before:
+                    return
+
+
+@contextmanager
+def _failing_as(what: str) -> Iterator[None]:
     try:
-        optimizer = gtsam.LevenbergMarquardtOptimizer(factors, start)
-        return optimizer.optimize(), int(optimizer.iterations())
+        yield
     except Exception as error:  # a third party's factors may raise anything
-        raise OptimizationError(f"the factor graph cannot be solved: {one_line(error)}") from error
+        raise OptimizationError(f"{what}: {one_line(error)}") from error
 
 
 def error_of(factors: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> float:
     """Return half the sum of squared whitened residuals. Raises OptimizationError as solve does."""
-    try:
+    with _failing_as("a factor fails in the solution"):
         return float(factors.error(values))
-    except Exception as error:  # a third party's factors may raise anything
-        raise OptimizationError(f"a factor fails in the solution: {one_line(error)}") from error
 
 
 def solve_robustly(
@@ -102,7 +159,7 @@ def solve_robustly(
 ) -> RobustSolution:
     """Solve, switch off the worst misfits, and solve again until all that remains fits.
 
-    Of the misfits of one stretch of the drive only the worst goes: it may be what bends the others.
+    Of the misfits of one stretch of the drive only the worst go: they may be what bends the others.
 
     Args:
         low: the low layers.
@@ -113,16 +170,20 @@ def solve_robustly(
     """
     off, iterations, near = list(refusals), 0, _stretches(low, keys)
     values = start
-    for _ in range(MOST_ROUNDS):
+    while True:
         kept = _kept(concepts, off)
         factors, values = _assemble(low, concepts, kept, values)
-        values, steps = solve(factors, values)
-        iterations += steps
-        worst = _worst(concepts, kept, values, near)
-        if not worst:
-            break
+        solver = _Solver(factors, values)
+        for tolerance in (ROUGH, FINE):
+            solver.iterate(tolerance)
+            values = solver.values
+            worst = _worst(concepts, kept, values, near)
+            if worst:
+                break
+        iterations += solver.iterations
         off += worst
-    return RobustSolution(factors, values, off, iterations)
+        if not worst:
+            return RobustSolution(factors, values, off, iterations)
 
 
 def _kept(concepts: ConceptFactors, off: Sequence[Refusal]) -> list[FactorGroup]:
@@ -157,7 +218,7 @@ def _worst(
     values: gtsam.Values,
     near: Mapping[int, set[int]],
 ) -> list[Refusal]:
-    """Return the misfits that no worse one was seen near."""
+    """Return the misfits to switch off next."""
     own = concepts.values.dims()
     found = []
     for group in groups:
@@ -196,7 +257,8 @@ def misfit(
         squares = 2 * sum(factor.error(values) for factor in factors)
     except Exception as error:  # a third party's factors may raise anything
         raise ConceptError(f"factor of {concept} {node} fails: {one_line(error)}") from error
-    threshold = float(chdtri(freedom, REJECTION)) if freedom > 0 else float("inf")
+    squares = inf if isnan(squares) else squares
+    threshold = float(chdtri(freedom, REJECTION)) if freedom > 0 else inf
     if squares <= threshold:
         return None
     return Refusal(concept, node, surfaces, squares, threshold, freedom)
@@ -208,14 +270,16 @@ def keys_of(factors: Sequence[gtsam.NonlinearFactor]) -> set[int]:
 
 
 def worst_of(misfits: Sequence[tuple[Refusal, set[int]]]) -> list[Refusal]:
-    """Return the misfits that no worse one was seen near.
+    """Return the misfits that are nearly as bad as the worst one that was seen near.
 
     Args:
         misfits: each with the stretches of the drive that saw its surfaces.
     """
-    worst, claimed = [], set[int]()
-    for refusal, stretches in sorted(misfits, key=lambda m: -m[0].squares / m[0].threshold):
-        if claimed.isdisjoint(stretches):
-            worst.append(refusal)
-        claimed |= stretches
-    return worst
+    worst: dict[int, float] = {}
+    for refusal, stretches in misfits:
+        worst |= {some: max(worst.get(some, 0.0), refusal.excess) for some in stretches}
+    return [
+        refusal
+        for refusal, stretches in misfits
+        if all(refusal.excess >= NEARLY * worst[some] for some in stretches)
+    ]
