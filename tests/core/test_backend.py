@@ -346,6 +346,26 @@ def test_all_that_contradicts_the_map_is_switched_off_however_much_it_is() -> No
     assert result.switched_off == [("wall", number) for number in range(3, 43)]
 
 
+def test_a_side_seen_from_afar_stays_at_the_other_one_when_it_is_turned_parallel() -> None:
+    """10 m away along the wall the direction was 3 degrees off; where it was seen it is right."""
+    graph, tilt = SGraph(), np.radians(3.0)
+    normal = np.array([np.sin(tilt), np.cos(tilt)])
+    seen = np.array([10.0, 1.15])
+    along = np.array([normal[1], -normal[0]])
+    graph.add_keyframe(0, [10, 0, 0, 0, 0, 0, 1])
+    graph.add_keyframe(1, [0, 3, 0, 0, 0, 0, 1])
+    graph.add_odometry(0, 1, [-10, 3, 0, 0, 0, 0, 1], [1e-4] * 6)
+    graph.add_wall_surface(0, [[11, 1], [9, 1]], [0, -1])
+    graph.add_wall_surface(1, [seen - along, seen + along], normal)
+    graph.observe(0, 0, [0, -1, 0, 1], [0.005, 0.01])
+    graph.observe(1, 1, [*normal, 0, normal @ ([0, 3] - seen)], [0.03, 0.3])
+    shape = NodeShape(centre=(10, 1.075), thickness=0.15)
+    graph.concepts["wall"] = [ConceptNode(0, (0, 1), shape=shape)]
+    side = optimize(graph).graph.wall_surface(1)
+    assert side.normal == pytest.approx([0, 1], abs=0.02)
+    assert side.segment[:, 1] == pytest.approx([1.15, 1.15], abs=0.1)
+
+
 def test_the_shapes_of_nodes_follow_their_members() -> None:
     """The east wall of a room moves out by 0.4 m: so do its corners; its centre by half of it."""
     graph = SGraph()

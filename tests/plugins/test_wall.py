@@ -13,7 +13,7 @@ from sgraph_core.graph import SGraph
 from sgraph_core.proximity import build_scene
 from sgraph_plugins.wall.baseline import score
 from sgraph_plugins.wall.cluster import cluster
-from sgraph_plugins.wall.factor import FREE_SIGMA_M, known_thicknesses, typical_thickness
+from sgraph_plugins.wall.factor import OWN_SIGMA_M, known_thicknesses, typical_thickness
 from sgraph_plugins.wall.geometry import back_to_back
 from sgraph_plugins.wall.shape import shape
 
@@ -148,4 +148,4 @@ def test_walls_built_alike_share_their_thickness() -> None:
 
 def test_a_wall_like_no_other_is_left_its_thickness() -> None:
     known = known_thicknesses(walls(0.14, 0.15, 0.16, 0.15, 0.4))
-    assert typical_thickness(0.4, known) == (0.4, FREE_SIGMA_M)
+    assert typical_thickness(0.4, known) == (0.4, OWN_SIGMA_M)

@@ -2,7 +2,8 @@
 
 Thickness must come from somewhere else than the two planes themselves, or the tie would only repeat
 the map's own error: it is the median of the walls that a building evidently builds alike. A wall
-that is like no others gets its sides held parallel, and nothing more.
+that is like no others gets its sides held parallel, and weakly as far apart as they were mapped: a
+side seen from afar would else turn about the observer's foot on its plane, and leave the other.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ __all__ = ["factors", "known_thicknesses", "typical_thickness"]
 
 ANGLE_SIGMA_RAD = 0.01
 LEAST_SIGMA_M = 0.015
-FREE_SIGMA_M = 10.0
+OWN_SIGMA_M = 0.1
 """Of the thickness of a wall that is like no others."""
 ALIKE_M = 0.04
 """Walls whose mapped thicknesses differ by no more are counted as built alike."""
@@ -79,7 +80,7 @@ def typical_thickness(own: float, known: FloatArray) -> tuple[float, float]:
     first = np.searchsorted(known, own - ALIKE_M)
     group = known[first : np.searchsorted(known, own + ALIKE_M, side="right")]
     if len(group) < FEWEST_ALIKE:
-        return own, FREE_SIGMA_M
+        return own, OWN_SIGMA_M
     typical = _median(group)
     spread = 1.4826 * _median(np.sort(np.abs(group - typical)))
     return typical, max(spread, LEAST_SIGMA_M)
