@@ -64,7 +64,7 @@ ELSEWHERE_M = 0.6
 ALIKE = 0.9
 """Share of what was recognised that another place must have, to look like it."""
 SURE = 1 / 3
-"""Share of the shift by which a map repeats that a correction there may have."""
+"""Share of the shift to a place that looks alike: a shorter correction is surely no such shift."""
 REPEAT_M = 8.0
 """How far away another place may look like the one that was recognised."""
 MOST_SEEDS = 40
@@ -323,11 +323,13 @@ def _elect(window: _Votes, visits: Visits, drift: Drift, first: int) -> _Electio
     if not len(corrections.moves):
         return None
     weights = _weights(window, corrections.support)
-    best = int(weights.argmax())
+    shifts = np.linalg.norm(corrections.moves[:, 1:], axis=1)
+    best = int(np.lexsort((shifts, -weights.round(6)))[0])
     torn = window.held & ~corrections.support[best]
     apart = np.abs(corrections.moves - corrections.moves[best])
     elsewhere = (apart > [OTHER_RAD, ELSEWHERE_M, ELSEWHERE_M]).any(axis=1)
-    against = max(weights[elsewhere].max(initial=0.0), _weights(window, torn[None])[0])
+    as_likely = elsewhere & (SURE * shifts <= shifts[best])
+    against = max(weights[as_likely].max(initial=0.0), _weights(window, torn[None])[0])
     if weights[best] < max(LEAST_SUPPORT_M, EXPLAINED * everything):
         return None
     if against >= RIVAL * weights[best]:
@@ -406,7 +408,8 @@ def _corrections(window: _Votes, spread: FloatArray, centre: FloatArray) -> _Cor
     design = _design(window, centre) / window.sigmas[:, :, None]
     target = window.innovations / window.sigmas
     crossing = np.abs(cross(window.normals[:, None], window.normals[None])) > PARALLEL
-    one, two = np.triu_indices(min(len(window.pairs), MOST_SEEDS), k=1)
+    some = _spread_out(window)
+    one, two = (some[side] for side in np.triu_indices(len(some), k=1))
     seeds = crossing[one, two]
     support = np.zeros((int(seeds.sum()), len(window.pairs)), bool)
     rows, expected = np.arange(len(support)), np.asarray(np.linalg.inv(spread), np.float64)
@@ -426,6 +429,13 @@ def _corrections(window: _Votes, spread: FloatArray, centre: FloatArray) -> _Cor
     spans &= _of_groups(support, group).sum(axis=1) >= FEWEST
     spans &= (support & ~window.held).any(axis=1)
     return _Corrections(moves[spans], support[spans])
+
+
+def _spread_out(window: _Votes) -> IntArray:
+    """Return at most MOST_SEEDS of the pairs, of all that a window saw, proposed ones first."""
+    proposed = np.flatnonzero(~window.held)
+    seeds = proposed[np.linspace(0, len(proposed) - 1, min(len(proposed), MOST_SEEDS)).astype(int)]
+    return np.append(seeds, np.flatnonzero(window.held)[: MOST_SEEDS - len(seeds)])
 
 
 def _each_once(support: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -11,6 +11,7 @@ from sgraph_concepts.errors import ConceptError
 from sgraph_core.backend import associate, optimize
 from sgraph_core.backend.association import Proposal
 from sgraph_core.backend.concept_factors import propose
+from sgraph_core.evaluation.block import block_of_rooms
 from sgraph_core.graph import SGraph
 
 ROOM = rectangle(0, 0, 5, 4)
@@ -71,23 +72,49 @@ def test_parallel_walls_alone_prove_nothing() -> None:
     assert found(graph) == set()
 
 
+@pytest.fixture(params=[None, 5.0], ids=["as shipped", "as far as the next office"])
+def proposing(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rooms propose surfaces nearer than an office is wide, and farther ones."""
+    if request.param is not None:
+        monkeypatch.setattr("sgraph_plugins.room.factor.FARTHEST_M", request.param)
+
+
+@pytest.mark.usefixtures("proposing")
 def test_an_office_in_a_row_of_equal_ones_is_found_after_little_drift() -> None:
     row = [(office(number), (0, 0, 0)) for number in range(4)]
     pairs = found(visit_rooms([*row, (office(1), (0.5, 0.2, 0.01))]))
     assert pairs == {(4 + side, 16 + side) for side in range(4)}
 
 
+@pytest.mark.usefixtures("proposing")
 @pytest.mark.parametrize("shift", [1.8, PITCH / 2, 2.4])
 def test_an_office_that_may_be_either_of_two_is_taken_for_neither(shift: float) -> None:
     row = [(office(number), (0, 0, 0)) for number in range(4)]
     assert found(visit_rooms([*row, (office(1), (shift, 0, 0))])) == set()
 
 
+@pytest.mark.usefixtures("proposing")
 @pytest.mark.parametrize("drift", [0.0, 0.5, 1.3])
 def test_the_next_office_of_a_row_is_not_taken_for_the_one_before(drift: float) -> None:
     """It has never been seen; what looks like it is a whole office away."""
     row = [(office(number), (0, 0, 0)) for number in range(3)]
     assert found(visit_rooms([*row, (office(3), (-drift, 0, 0))])) == set()
+
+
+def test_a_row_of_rooms_is_not_taken_for_the_one_before() -> None:
+    """All rooms are alike, so a row fits onto every other one; more pairs than can all be tried."""
+    graph = block_of_rooms(200, np.random.default_rng(0))
+    graph = optimize(graph, {"room": "none", "wall": "none"}).graph
+    at = {tuple(node.shape.centre or ()): node for node in graph.concepts["room"]}
+    pairs = [
+        pair
+        for (x, y), node in at.items()
+        for (other_x, other_y), other in at.items()
+        if abs(x - other_x) < 1 and 1 < y - other_y < 6
+        for pair in zip(node.members, other.members, strict=True)
+    ]
+    assert len(pairs) > 4 * 180
+    assert associate(graph, [Proposal("room", 0, pairs)]).same == ()
 
 
 def test_a_room_of_another_shape_is_not_taken_for_the_one_before() -> None:
