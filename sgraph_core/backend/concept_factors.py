@@ -12,12 +12,18 @@ import numpy as np
 from sgraph_concepts.errors import ConceptError, one_line
 from sgraph_concepts.registry import RegisteredConcept, Registry
 from sgraph_concepts.spec import WALL_SURFACE
-from sgraph_concepts.types import ConceptNode, FactorContext, FactorResult, Memory
+from sgraph_concepts.types import (
+    ConceptNode,
+    FactorContext,
+    FactorResult,
+    Memory,
+    SurfaceArrays,
+)
 from sgraph_core.backend.association import TIE_SIGMAS, Proposal, Same, associate
 from sgraph_core.backend.checks import check_factors
 from sgraph_core.backend.coincidence import coincidence
 from sgraph_core.backend.keys import Keys
-from sgraph_core.backend.low_layers import world_planes
+from sgraph_core.backend.low_layers import vertical_planes, world_planes
 from sgraph_core.backend.ties import TieNoise, tie_planes
 from sgraph_core.concepts import installed
 from sgraph_core.graph import SGraph
@@ -27,6 +33,7 @@ __all__ = [
     "ConceptFactors",
     "FactorGroup",
     "concept_factors",
+    "factor_context",
     "factor_functions",
     "made_by",
     "propose",
@@ -199,25 +206,50 @@ def _results(
 ) -> Iterator[tuple[str, ConceptNode, FactorResult]]:
     grouping = [concept for concept in registry if concept.spec.groups == WALL_SURFACE]
     there = [concept for concept in grouping if graph.concepts.get(concept.spec.name)]
-    planes, segments = world_planes(graph), graph.wall_surfaces.segments
-    observed = {
-        i: graph.surface_row(i) for i in sorted(set(graph.observations.surface_ids.tolist()))
-    }
-    surfaces = graph.wall_surfaces.ordered().take(np.array(list(observed.values()), np.int64))
+    ids = np.unique(graph.observations.surface_ids).tolist()
+    rows = np.array([graph.surface_row(i) for i in ids], np.int64)
+    observed = graph.wall_surfaces.ordered().take(rows)
+    row_of = {surface: row for row, surface in enumerate(ids)}
     for name, make in factor_functions(registry, there, factor_types).items():
         nodes, memory = graph.concepts[name], Memory()
         for node in nodes:
-            members = [member for member in node.members if member in observed]
-            context = FactorContext(
-                {i: keys.surface(i) for i in members},
-                {i: planes[observed[i]] for i in members},
-                {i: segments[observed[i]] for i in members},
-                nodes,
-                partial(keys.node, name, node.id),
-                surfaces,
-                memory,
-            )
+            context = factor_context(name, node, nodes, keys, observed, row_of, memory)
             yield name, node, made_by(make, name, node, context)
+
+
+def factor_context(
+    concept: str,
+    node: ConceptNode,
+    nodes: Sequence[ConceptNode],
+    keys: Keys,
+    observed: SurfaceArrays,
+    rows: Mapping[int, int],
+    memory: Memory,
+) -> FactorContext:
+    """Return what a concept's factor function is told of a node.
+
+    Args:
+        concept: its concept.
+        node: whose factors.
+        nodes: all nodes of the concept.
+        keys: of surfaces and nodes.
+        observed: the surfaces that some keyframe observed.
+        rows: theirs, by id.
+        memory: of what the function computes once for all of these nodes.
+    """
+    members = [member for member in node.members if member in rows]
+    own = [rows[member] for member in members]
+    segments = observed.segments[own]
+    planes = vertical_planes(segments, observed.normals[own])
+    return FactorContext(
+        {member: keys.surface(member) for member in members},
+        dict(zip(members, planes, strict=True)),
+        dict(zip(members, segments, strict=True)),
+        nodes,
+        partial(keys.node, concept, node.id),
+        observed,
+        memory,
+    )
 
 
 def factor_functions(

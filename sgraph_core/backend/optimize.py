@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import gtsam
 import numpy as np
@@ -11,10 +11,21 @@ import numpy as np
 from sgraph_concepts.registry import Registry
 from sgraph_core.backend.association import Association, associate
 from sgraph_core.backend.back_projection import moved
-from sgraph_core.backend.concept_factors import concept_factors, propose, with_ties
+from sgraph_core.backend.concept_factors import (
+    ConceptFactors,
+    concept_factors,
+    propose,
+    with_ties,
+)
 from sgraph_core.backend.keys import Keys
-from sgraph_core.backend.low_layers import low_layers
-from sgraph_core.backend.robust import Refusal, error_of, solve, solve_robustly
+from sgraph_core.backend.low_layers import LowLayers, low_layers
+from sgraph_core.backend.robust import (
+    Refusal,
+    RobustSolution,
+    error_of,
+    solve,
+    solve_robustly,
+)
 from sgraph_core.graph import SGraph
 from sgraph_core.nodes import check_nodes
 
@@ -96,15 +107,7 @@ def optimize(
             break
         found = found.with_(new)
         concepts = with_ties(concepts, new.same, current, keys)
-        doubted = _visit_ids(graph, found.doubted)
-        if doubted:
-            low = low_layers(graph, keys, doubted)
-        solution = solve_robustly(low, concepts, values, keys, refusals)
-        if doubted:
-            iterations += solution.iterations
-            doubted = _still_doubted(graph, doubted, solution.values, keys)
-            low = low_layers(graph, keys, doubted)
-            solution = solve_robustly(low, concepts, solution.values, keys, solution.refusals)
+        low, solution = _solve(graph, found, low, concepts, values, keys, refusals)
         factors, values = solution.factors, solution.values
         refusals = list(solution.refusals)
         iterations += solution.iterations
@@ -122,6 +125,26 @@ def optimize(
         found,
         refusals,
     )
+
+
+def _solve(
+    graph: SGraph,
+    found: Association,
+    low: LowLayers,
+    concepts: ConceptFactors,
+    values: gtsam.Values,
+    keys: Keys,
+    refusals: Sequence[Refusal],
+) -> tuple[LowLayers, RobustSolution]:
+    """Solve with planes of their own for doubted visits, and again without those that agree."""
+    doubted = _visit_ids(graph, found.doubted)
+    if not doubted:
+        return low, solve_robustly(low, concepts, values, keys, refusals)
+    low = low_layers(graph, keys, doubted)
+    first = solve_robustly(low, concepts, values, keys, refusals)
+    low = low_layers(graph, keys, _still_doubted(graph, doubted, first.values, keys))
+    second = solve_robustly(low, concepts, first.values, keys, first.refusals)
+    return low, replace(second, iterations=first.iterations + second.iterations)
 
 
 def _visit_ids(graph: SGraph, doubted: Sequence[tuple[int, int]]) -> dict[tuple[int, int], int]:

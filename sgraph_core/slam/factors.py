@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from functools import partial
 
 import gtsam
-import numpy as np
 
 from sgraph_concepts.registry import RegisteredConcept, Registry
 from sgraph_concepts.types import (
@@ -18,9 +16,8 @@ from sgraph_concepts.types import (
     SurfaceArrays,
 )
 from sgraph_core.backend.checks import check_factors
-from sgraph_core.backend.concept_factors import factor_functions, made_by
+from sgraph_core.backend.concept_factors import factor_context, factor_functions, made_by
 from sgraph_core.backend.keys import Keys
-from sgraph_core.backend.low_layers import vertical_planes
 
 __all__ = ["FactorMakers"]
 
@@ -75,19 +72,7 @@ class FactorMakers:
         Raises:
             ConceptError: the factor function fails, or its factors are not fit for a graph.
         """
-        members = [member for member in node.members if member in rows]
-        own = np.array([rows[member] for member in members], np.int64)
-        segments = observed.segments[own]
-        planes = vertical_planes(segments, observed.normals[own])
-        context = FactorContext(
-            {member: self._keys.surface(member) for member in members},
-            dict(zip(members, planes, strict=True)),
-            dict(zip(members, segments, strict=True)),
-            nodes,
-            partial(self._keys.node, concept, node.id),
-            observed,
-            memory,
-        )
+        context = factor_context(concept, node, nodes, self._keys, observed, rows, memory)
         result = made_by(self._makers[concept], concept, node, context)
         check_factors(f"factor of {concept} {node.id}", result, _planes(context), gtsam.Values())
         return result
