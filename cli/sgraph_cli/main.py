@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 
 import typer
@@ -62,6 +63,8 @@ app.add_typer(concepts.app, name="concepts")
 
 def main() -> None:
     """Run the command line; known errors become one line on stderr and exit code 1."""
+    # kill and timeout end a command as Ctrl-C does: its worker processes end with it
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         app()
     except OSError as error:

@@ -345,9 +345,11 @@ def test_the_version_is_printed(sgraph: Any) -> None:
     assert re.match(r"sgraph-concepts \d+\.\d+\.\d+\n$", sgraph("--version").stdout)
 
 
-def test_an_interrupted_training_says_how_to_go_on(tmp_path: Path) -> None:
+@pytest.mark.parametrize("by", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_training_says_how_to_go_on(by: signal.Signals, tmp_path: Path) -> None:
     out = tmp_path / "run"
-    command = [Path(sys.executable).parent / "sgraph", "train", "-o", out]
+    # the paper's layouts are drawn in no time
+    command = [Path(sys.executable).parent / "sgraph", "train", "--config", "paper", "-o", out]
     with subprocess.Popen(
         command,
         stderr=subprocess.PIPE,
@@ -357,7 +359,7 @@ def test_an_interrupted_training_says_how_to_go_on(tmp_path: Path) -> None:
     ) as process:
         while process.poll() is None and not list(out.glob("floors/*.npz")):
             time.sleep(0.05)
-        process.send_signal(signal.SIGINT)
+        process.send_signal(by)
         _, errors = process.communicate(timeout=60)
     assert process.returncode == 130
     assert errors == f"sgraph: interrupted: the same command with --resume goes on in {out}\n"
