@@ -15,7 +15,7 @@ and its shift b along n, and an observation of it from p by keyframe k measures
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_array, eye_array
+from scipy.sparse import coo_array, csc_array, diags_array, eye_array
 from scipy.sparse.linalg import splu
 
 from sgraph_concepts.types import FloatArray, IntArray
@@ -43,11 +43,12 @@ class Drift:
             for parts in zip(self._motions(graph), self._sightings(graph), strict=True)
         )
         rows = np.broadcast_to(np.arange(len(columns))[:, None], columns.shape)
-        shape = len(columns), max(3 * len(graph.keyframes.ids), int(columns.max()) + 1)
+        poses = 3 * len(graph.keyframes.ids)
+        shape = len(columns), max(poses, int(columns.max()) + 1)
         entries = factors.ravel(), (rows.ravel(), columns.ravel())
         measured = coo_array(entries, shape).tocsc()
-        weak = eye_array(measured.shape[1]) / UNKNOWN**2
-        self._information = splu((measured.T @ measured + weak).tocsc())
+        information = (measured.T @ measured + eye_array(shape[1]) / UNKNOWN**2).tocsc()
+        self._information = splu(_without_planes(information, poses))
 
     def between(self, one: int, two: int, point: FloatArray) -> FloatArray:
         """Return the covariance of how two keyframes' views differ from one rigid map, [3, 3].
@@ -105,6 +106,24 @@ class Drift:
         return np.pad(np.tile(columns, (2, 1)), ((0, 0), (0, 1)), mode="edge"), np.hstack(
             [factors, padding]
         )
+
+
+def _without_planes(information: csc_array, poses: int) -> csc_array:
+    """Return what an information matrix says of poses alone: its Schur complement.
+
+    Args:
+        information: of variables of poses, then two of each plane; no factor joins two planes.
+        poses: how many variables the poses have.
+    """
+    links, planes = information[:poses, poses:], information[poses:, poses:]
+    if not planes.shape[0]:
+        return information
+    one, two, both = planes.diagonal()[::2], planes.diagonal()[1::2], planes.diagonal(1)[::2]
+    determinants = one * two - both**2  # of the blocks [[one, both], [both, two]]
+    own = np.stack([two, one], axis=1).ravel() / determinants.repeat(2)
+    beside = np.stack([-both / determinants, np.zeros(len(both))], axis=1).ravel()[:-1]
+    covariance = diags_array([own, beside, beside], offsets=[0, 1, -1])
+    return (information[:poses, :poses] - links @ covariance @ links.T).tocsc()
 
 
 def _rows(graph: SGraph, keyframes: IntArray) -> IntArray:
