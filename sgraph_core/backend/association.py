@@ -142,7 +142,7 @@ def associate(
     found = Association()
     for election in _surest(elections):
         window = election.window
-        if election.moves and not _distinct(graph, election, visits):
+        if election.moves and not _distinct(graph, election, visits, drift):
             continue
         pairs = window.pairs[election.chosen & ~window.held].tolist()
         same = [Same(who[a, b].concept, who[a, b].node, (a, b)) for a, b in pairs]
@@ -256,16 +256,18 @@ def _pairs_of_rows(surfaces: SurfaceArrays, one: IntArray, two: IntArray) -> _Vo
     )
 
 
-def _spread(window: _Votes, visits: Visits, drift: Drift, centre: FloatArray) -> FloatArray:
-    """Return the covariance of a window's correction about a point: angle, x and y, [3, 3]."""
-    between = [
-        (visits.last_before(older, time), time)
-        for older, time in zip(
-            window.pairs[:, 0].tolist(), window.visits[:, 0].tolist(), strict=True
-        )
-    ]
-    between.sort(key=lambda rows: visits.way(*rows))
-    typical = between[len(between) // 2]
+def _spread(
+    between: Sequence[tuple[int, int]], visits: Visits, drift: Drift, centre: FloatArray
+) -> FloatArray:
+    """Return the covariance of a correction about a point: angle, x and y, [3, 3].
+
+    Args:
+        between: rows of the two keyframes that what is corrected lies between, for each pair.
+        visits: knows the ways.
+        drift: of the drive.
+        centre: the point.
+    """
+    typical = sorted(between, key=lambda rows: visits.way(*rows))[len(between) // 2]
     way = visits.way(*typical)
     shift = LEAST_DRIFT_M + DRIFT_SHARE * way
     other = np.array([LEAST_DRIFT_RAD + DRIFT_RAD_PER_M * way, shift, shift])
@@ -314,7 +316,9 @@ def _elect(window: _Votes, visits: Visits, drift: Drift, first: int) -> _Electio
     if window.held.all() or len(window.pairs) < FEWEST:
         return None
     centre = window.points.mean(axis=0)
-    spread = _spread(window, visits, drift, centre)
+    times = zip(window.pairs[:, 0].tolist(), window.visits[:, 0].tolist(), strict=True)
+    between = [(visits.last_before(older, time), time) for older, time in times]
+    spread = _spread(between, visits, drift, centre)
     everything = _weights(window, np.ones((1, len(window.pairs)), bool))[0]
     window = window.take(window.held | _possible(window, spread, centre))
     if window.held.all():
@@ -350,12 +354,13 @@ def _possible(window: _Votes, spread: FloatArray, centre: FloatArray) -> NDArray
     return np.asarray((likely <= chdtri(1, REJECTION / 10)).all(axis=1))
 
 
-def _distinct(graph: SGraph, election: _Election, visits: Visits) -> bool:
+def _distinct(graph: SGraph, election: _Election, visits: Visits, drift: Drift) -> bool:
     """Return whether no other place near by looks like the one that was recognised.
 
     The surfaces that were recognised are matched with the rest of the older map, like a visit that
-    has drifted far. Where a shift explains them as well, the map repeats, as rooms in a row do, and
-    only a correction that is clearly shorter than that shift tells a copy from the next room.
+    has drifted far. Where a shift explains them as well, and drift does not explain the shift, the
+    map repeats, as rooms in a row do, and only a correction that is clearly shorter than that shift
+    tells a copy from the next room.
     """
     known = np.unique(election.window.pairs[election.chosen, 0])
     surfaces = graph.wall_surfaces.ordered()
@@ -376,13 +381,27 @@ def _distinct(graph: SGraph, election: _Election, visits: Visits) -> bool:
         return True
     place = _pairs_of_rows(surfaces, one[like], two[like])
     around = np.diag(np.array([OTHER_RAD, REPEAT_M, REPEAT_M]) / 3) ** 2
-    shifts = _corrections(place, around, place.points.mean(axis=0))
-    lengths = np.linalg.norm(shifts.moves[:, 1:], axis=1)
-    repeats = (_weights(place, shifts.support) >= ALIKE * _own(surfaces, mine)) & (
-        lengths > OTHER_M
+    repeats = _corrections(place, around, place.points.mean(axis=0))
+    lengths = np.linalg.norm(repeats.moves[:, 1:], axis=1)
+    alike = _weights(place, repeats.support) >= ALIKE * _own(surfaces, mine)
+    nearest = float(np.linalg.norm(election.move[1:])) / SURE
+    return not any(
+        OTHER_M < lengths[k] <= nearest and not _may_be_drift(place, repeats, k, visits, drift)
+        for k in np.flatnonzero(alike).tolist()
     )
-    nearest = lengths[repeats].min(initial=np.inf)
-    return bool(np.linalg.norm(election.move[1:]) < SURE * nearest)
+
+
+def _may_be_drift(
+    place: _Votes, repeats: _Corrections, k: int, visits: Visits, drift: Drift
+) -> bool:
+    """Return whether a place may repeat because it was mapped twice, with drift between."""
+    between = [
+        (min(visits.first(one), visits.first(two)), max(visits.first(one), visits.first(two)))
+        for one, two in place.pairs[repeats.support[k]].tolist()
+    ]
+    spread = _spread(between, visits, drift, place.points.mean(axis=0))
+    move = repeats.moves[k]
+    return bool(move @ np.linalg.inv(spread) @ move <= chdtri(3, REJECTION))
 
 
 def _own(surfaces: SurfaceArrays, rows: IntArray) -> float:
@@ -408,7 +427,7 @@ def _corrections(window: _Votes, spread: FloatArray, centre: FloatArray) -> _Cor
     design = _design(window, centre) / window.sigmas[:, :, None]
     target = window.innovations / window.sigmas
     crossing = np.abs(cross(window.normals[:, None], window.normals[None])) > PARALLEL
-    some = _spread_out(window)
+    some = _some(window)
     one, two = (some[side] for side in np.triu_indices(len(some), k=1))
     seeds = crossing[one, two]
     support = np.zeros((int(seeds.sum()), len(window.pairs)), bool)
@@ -431,11 +450,11 @@ def _corrections(window: _Votes, spread: FloatArray, centre: FloatArray) -> _Cor
     return _Corrections(moves[spans], support[spans])
 
 
-def _spread_out(window: _Votes) -> IntArray:
-    """Return at most MOST_SEEDS of the pairs, of all that a window saw, proposed ones first."""
+def _some(window: _Votes) -> IntArray:
+    """Return at most MOST_SEEDS of the pairs, drawn evenly from the proposed ones first."""
     proposed = np.flatnonzero(~window.held)
-    seeds = proposed[np.linspace(0, len(proposed) - 1, min(len(proposed), MOST_SEEDS)).astype(int)]
-    return np.append(seeds, np.flatnonzero(window.held)[: MOST_SEEDS - len(seeds)])
+    drawn = np.random.default_rng(0).permutation(proposed)[:MOST_SEEDS]
+    return np.append(np.sort(drawn), np.flatnonzero(window.held)[: MOST_SEEDS - len(drawn)])
 
 
 def _each_once(support: NDArray[np.bool_]) -> NDArray[np.bool_]:

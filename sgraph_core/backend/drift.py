@@ -25,7 +25,7 @@ from sgraph_core.graph import SGraph
 
 __all__ = ["Drift"]
 
-UNKNOWN = 1e3
+UNKNOWN = 1e5
 """Standard deviation, in rad and m, of what nothing measures."""
 
 

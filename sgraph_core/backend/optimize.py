@@ -78,7 +78,7 @@ def optimize(
     own observations have straightened. Then, round by round, surfaces that are one are tied, the
     graph is solved, and factors that fit badly (chi-squared test at 0.1 %) are switched off: a
     wrong detection must not bend the map. A tie makes the map surer of itself, so that the next
-    round may see others; the rounds end when there are none.
+    round may see others; the rounds end when there are none, or after four.
 
     Args:
         graph: the S-Graph; it is not changed.
@@ -88,7 +88,7 @@ def optimize(
 
     Raises:
         OptimizationError: there is nothing to optimise, odometry does not connect all keyframes,
-            or the problem is under-determined.
+            or a factor fails.
         InputError: a node breaks the map file's rules.
         ConceptError: a factor type is unknown, or a plugin's factors are not fit for a graph.
     """

@@ -32,7 +32,7 @@ REJECTION = 1e-3
 STRETCH = 20
 """Keyframes that are near one another: what they saw may be bent by one wrong factor."""
 NEARLY = 0.5
-"""Misfits this close to the worst one near them go together with it."""
+"""Share of the excess of the worst misfit near them from which others go together with it."""
 ROUGH, FINE = 1e-3, 1e-5
 """Share of the error by which the last iteration lowers it: when misfits are first looked for, and
 when there are none left. To bend a map into a wrong loop takes many iterations for nothing."""
@@ -60,8 +60,8 @@ class Refusal:
 
     @property
     def excess(self) -> float:
-        """How many times its threshold the squared error is."""
-        return self.squares / self.threshold
+        """How many times its threshold the squared error is; infinite where that is."""
+        return inf if self.squares == inf else self.squares / self.threshold
 
     def __str__(self) -> str:
         what = f"{self.concept} {self.node}"
@@ -88,7 +88,7 @@ def solve(factors: gtsam.NonlinearFactorGraph, start: gtsam.Values) -> tuple[gts
     """Return the solution by Levenberg-Marquardt, and its number of iterations.
 
     Raises:
-        OptimizationError: the problem is under-determined, or a factor fails.
+        OptimizationError: a factor fails.
     """
     solver = _Solver(factors, start)
     solver.iterate(FINE)
@@ -107,10 +107,8 @@ class _Solver:
     """
 
     def __init__(self, factors: gtsam.NonlinearFactorGraph, start: gtsam.Values) -> None:
-        params = gtsam.LevenbergMarquardtParams()
-        params.setOrderingType("METIS")  # the default is slower where many loops are closed
         with _failing_as("the factor graph cannot be solved"):
-            self._optimizer = gtsam.LevenbergMarquardtOptimizer(factors, start, params)
+            self._optimizer = gtsam.LevenbergMarquardtOptimizer(factors, start)
 
     @property
     def values(self) -> gtsam.Values:
@@ -126,7 +124,7 @@ class _Solver:
         """Iterate until the error falls by no more than a share of itself.
 
         Raises:
-            OptimizationError: the problem is under-determined, or a factor fails.
+            OptimizationError: a factor fails.
         """
         with _failing_as("the factor graph cannot be solved"):
             while self.iterations < MOST_ITERATIONS:
@@ -259,7 +257,7 @@ def misfit(
         raise ConceptError(f"factor of {concept} {node} fails: {one_line(error)}") from error
     squares = inf if isnan(squares) else squares
     threshold = float(chdtri(freedom, REJECTION)) if freedom > 0 else inf
-    if squares <= threshold:
+    if squares <= threshold and squares < inf:
         return None
     return Refusal(concept, node, surfaces, squares, threshold, freedom)
 
@@ -270,16 +268,16 @@ def keys_of(factors: Sequence[gtsam.NonlinearFactor]) -> set[int]:
 
 
 def worst_of(misfits: Sequence[tuple[Refusal, set[int]]]) -> list[Refusal]:
-    """Return the misfits that are nearly as bad as the worst one that was seen near.
+    """Return the misfits that no worse one was seen near, and those nearly as bad as these.
 
     Args:
         misfits: each with the stretches of the drive that saw its surfaces.
     """
-    worst: dict[int, float] = {}
-    for refusal, stretches in misfits:
-        worst |= {some: max(worst.get(some, 0.0), refusal.excess) for some in stretches}
-    return [
-        refusal
-        for refusal, stretches in misfits
-        if all(refusal.excess >= NEARLY * worst[some] for some in stretches)
-    ]
+    chosen, least = [], dict[int, float]()
+    for refusal, stretches in sorted(misfits, key=lambda m: -m[0].excess):
+        if all(refusal.excess >= least.get(some, 0.0) for some in stretches):
+            chosen.append(refusal)
+            least = dict.fromkeys(stretches, NEARLY * refusal.excess) | least
+        else:  # it stays, and may be what bends the others
+            least |= dict.fromkeys(stretches, inf)
+    return chosen

@@ -6,8 +6,8 @@ follow the planes. ISAM2's estimate is a solution only once it has linearised an
 before that the group's own variables are not where they fit best, and the group waits, though not
 for ever.
 
-Of the misfits that were seen in one stretch of the drive only the worst is refused, since it may be
-what bends the others; these are tested again in the next solution.
+Of the misfits that were seen in one stretch of the drive only the worst are refused, since they may
+be what bends the others; these are tested again in the next solution.
 """
 
 from __future__ import annotations

@@ -96,8 +96,7 @@ class Smoother:
         add_observations(seen, self._keys, factors)
         own = factors.size()
         factors.push_back(update.factors)
-        values.insert(update.values)
-        indices = self._solve(factors, values, update.remove, anew)
+        indices = self._solve(factors, values, update, anew)
         self._keyframes, self._odometry = len(graph.keyframes.ids), len(graph.odometry.poses)
         self._observations = len(graph.observations.planes)
         self._connected.update(keyframes.ids.tolist())
@@ -113,13 +112,14 @@ class Smoother:
         self,
         factors: gtsam.NonlinearFactorGraph,
         values: gtsam.Values,
-        remove: list[int],
+        update: Update,
         anew: bool,
     ) -> list[int]:
         params = gtsam.ISAM2UpdateParams()
         params.force_relinearize = anew
-        params.removeFactorIndices = remove
+        params.removeFactorIndices = update.remove
         try:
+            values.insert(update.values)
             result = self._isam.update(factors, values, params)
         except Exception as error:  # a third party's factors may raise anything
             raise OptimizationError(

@@ -11,7 +11,7 @@ import gtsam
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sgraph_concepts.errors import ConceptError, InputError, SGraphError
+from sgraph_concepts.errors import ConceptError, InputError
 from sgraph_concepts.spec import WALL_SURFACE
 from sgraph_concepts.types import ConceptNode, FactorResult, FloatArray, Memory, SurfaceArrays
 from sgraph_core.backend.association import Same
@@ -369,7 +369,7 @@ class ConceptTracker:
                 self._ledger.placed(smoother.add(self._graph, step, anew=True))
                 refusals += step.refusals
             self.move(keyframes, surfaces)
-        except SGraphError:
+        except BaseException:  # an interruption too
             self._smoother, self._ties, self._off, self._unmade = None, {}, off, True
             self._ledger, self._misfits = Ledger(), Misfits(self._keys)
             raise
@@ -401,7 +401,8 @@ class ConceptTracker:
         off = self._off | {refused[owner]: refusal for owner, refusal in found.items()}
         gone, made = self._factors(changes, off)
         proposals = {owner: result.same for owner, result in made}
-        left = [owner for owner in found if owner not in {*gone, *proposals}]
+        replaced = {*gone, *proposals}
+        left = [owner for owner in found if owner not in replaced]
         handout = self._ledger.prepare(gone, [*made, *((owner, FactorResult()) for owner in left)])
 
         self._live = live if self._mapped or len(surfaces) else None

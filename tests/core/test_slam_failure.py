@@ -145,7 +145,8 @@ def test_a_solution_that_is_no_map_is_named_and_the_graph_built_anew(
     calm.optimize()
     upset.optimize()
     poses = [tracker.snapshot().keyframes.poses for tracker in (upset, calm)]
-    assert poses[0] == pytest.approx(poses[1], abs=1e-3)
+    # walls like no others are held as thick as the map had them, and that has moved in between
+    assert poses[0] == pytest.approx(poses[1], abs=5e-3)
 
 
 def test_ties_are_not_sought_among_keyframes_that_odometry_does_not_connect(

@@ -22,6 +22,8 @@ ANGLE_SIGMA_RAD = 0.01
 LEAST_SIGMA_M = 0.015
 OWN_SIGMA_M = 0.1
 """Of the thickness of a wall that is like no others."""
+FREE_SIGMA_M = 10.0
+"""Of the thickness of a wall whose mapped one tells nothing."""
 ALIKE_M = 0.04
 """Walls whose mapped thicknesses differ by no more are counted as built alike."""
 THINNEST_M = 0.03
@@ -80,7 +82,7 @@ def typical_thickness(own: float, known: FloatArray) -> tuple[float, float]:
     first = np.searchsorted(known, own - ALIKE_M)
     group = known[first : np.searchsorted(known, own + ALIKE_M, side="right")]
     if len(group) < FEWEST_ALIKE:
-        return own, OWN_SIGMA_M
+        return own, OWN_SIGMA_M if own >= THINNEST_M else FREE_SIGMA_M
     typical = _median(group)
     spread = 1.4826 * _median(np.sort(np.abs(group - typical)))
     return typical, max(spread, LEAST_SIGMA_M)
