@@ -63,7 +63,7 @@ app.add_typer(concepts.app, name="concepts")
 
 def main() -> None:
     """Run the command line; known errors become one line on stderr and exit code 1."""
-    # kill and timeout end a command as Ctrl-C does: its worker processes end with it
+    # as by Ctrl-C: worker processes end after what they are at, instead of going on without us
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         app()

@@ -17,6 +17,7 @@ from sgraph_core import infer
 from sgraph_core.backend import Keys, concept_factors, low_layers, optimize
 from sgraph_core.backend.published import centre_of
 from sgraph_core.backend.published import factors as published
+from sgraph_core.backend.robust import Refusal, misfit, worst_of
 from sgraph_core.backend.ties import TieNoise, tie_planes
 from sgraph_core.evaluation.trajectory import ate_rmse
 from sgraph_core.graph import SGraph
@@ -480,6 +481,34 @@ def test_factors_that_are_not_fit_for_a_graph_are_named(name: str, message: str)
     with pytest.raises(ConceptError, match=f"factor of wall 0: {message}"):
         optimize(graph, {"wall": f"zone:{name}"})
     assert (graph.keyframes.poses == poses).all()
+
+
+def test_a_variable_that_nothing_links_to_others_is_solved_too() -> None:
+    """Nested dissection, as METIS does it, ends the process."""
+    graph = with_walls(drive(0))
+    result = optimize(graph, {"room": "none", "wall": "zone:own_variable"})
+    for wall in graph.concepts["wall"]:
+        assert result.values.atPoint2(KEYS.node("wall", wall.id, 0)) == pytest.approx([1, 1])
+
+
+def test_an_error_that_is_no_number_is_a_misfit_whatever_its_freedom() -> None:
+    unit = gtsam.noiseModel.Unit.Create(2)
+    nothing = gtsam.CustomFactor(unit, [5], lambda *_: np.full(2, np.nan))
+    values = gtsam.Values()
+    values.insert(5, gtsam.Point2(0, 0))
+    refusal = misfit("zone", 0, (), [nothing], {5: 2}, values)
+    assert refusal is not None
+    assert worst_of([(refusal, {0})]) == [refusal]
+
+
+def test_what_is_switched_off_is_the_worst_near_and_what_is_nearly_as_bad() -> None:
+    def of(node: int, excess: float) -> Refusal:
+        return Refusal("wall", node, (), excess, 1.0, 3)
+
+    worst, beside, nearly, elsewhere = of(0, 100.0), of(1, 10.0), of(2, 60.0), of(3, 2.0)
+    bystander = of(4, 6.0)  # bent by the one beside the worst, which stays for now
+    misfits = [(beside, {0, 1}), (worst, {1}), (bystander, {0}), (nearly, {1, 2}), (elsewhere, {7})]
+    assert worst_of(misfits) == [worst, nearly, elsewhere]
 
 
 def test_one_keyframe_is_enough() -> None:

@@ -27,15 +27,15 @@ def straight(steps: int) -> SGraph:
     return graph
 
 
-def test_odometry_alone_adds_up() -> None:
+@pytest.mark.parametrize("steps", [6, 2000])
+def test_odometry_alone_adds_up(steps: int) -> None:
     """Angles walk at random; they shift the end sideways by their arms, which sum to squares."""
-    steps = 6
     end = np.array([1e5 + steps, -2e5])
     angle, along, across = np.sqrt(np.diag(Drift(straight(steps)).between(0, steps, end)))
-    assert angle == pytest.approx(0.01 * np.sqrt(steps), rel=1e-4)
-    assert along == pytest.approx(0.03 * np.sqrt(steps), rel=1e-4)
+    assert angle == pytest.approx(0.01 * np.sqrt(steps), rel=1e-3)
+    assert along == pytest.approx(0.03 * np.sqrt(steps), rel=1e-3)
     arms = np.arange(steps)
-    assert across == pytest.approx(np.sqrt(0.05**2 * steps + 0.01**2 * (arms @ arms)), rel=1e-4)
+    assert across == pytest.approx(np.sqrt(0.05**2 * steps + 0.01**2 * (arms @ arms)), rel=1e-3)
 
 
 def test_both_directions_are_alike() -> None:

@@ -115,6 +115,27 @@ def test_a_factor_that_fails_at_any_moment_is_named_and_the_graph_built_anew(
     assert state(fickle)[1] == state(calm)[1]
 
 
+@pytest.mark.parametrize("failure", [RuntimeError, KeyboardInterrupt])
+def test_what_interrupts_a_solution_leaves_a_tracker_that_goes_on(
+    failure: type[BaseException], detector: Detector, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calm, broken = (ConceptTracker(detector=detector) for _ in range(2))
+    for enter in keyframes_of(drive(1).graph)[:8]:
+        enter(calm)
+        enter(broken)
+
+    def fail(*_: object, **__: object) -> None:
+        raise failure
+
+    with monkeypatch.context() as patch:
+        patch.setattr(sgraph_core.slam.smoother.Smoother, "add", fail)
+        with pytest.raises(failure):
+            broken.optimize()
+    calm.optimize()
+    broken.optimize()
+    assert state(broken) == state(calm)
+
+
 def test_two_nodes_with_one_variable_are_refused(detector: Detector) -> None:
     one_key = Keys(node=lambda _concept, _i, _v: 77)
     tracker = ConceptTracker(detector=detector, keys=one_key)

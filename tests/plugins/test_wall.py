@@ -13,7 +13,12 @@ from sgraph_core.graph import SGraph
 from sgraph_core.proximity import build_scene
 from sgraph_plugins.wall.baseline import score
 from sgraph_plugins.wall.cluster import cluster
-from sgraph_plugins.wall.factor import OWN_SIGMA_M, known_thicknesses, typical_thickness
+from sgraph_plugins.wall.factor import (
+    FREE_SIGMA_M,
+    OWN_SIGMA_M,
+    known_thicknesses,
+    typical_thickness,
+)
 from sgraph_plugins.wall.geometry import back_to_back
 from sgraph_plugins.wall.shape import shape
 
@@ -149,3 +154,7 @@ def test_walls_built_alike_share_their_thickness() -> None:
 def test_a_wall_like_no_other_is_left_its_thickness() -> None:
     known = known_thicknesses(walls(0.14, 0.15, 0.16, 0.15, 0.4))
     assert typical_thickness(0.4, known) == (0.4, OWN_SIGMA_M)
+
+
+def test_sides_that_drift_pushed_together_are_held_parallel_only() -> None:
+    assert typical_thickness(0.0, known_thicknesses(walls(0.0, 0.0, 0.0))) == (0.0, FREE_SIGMA_M)

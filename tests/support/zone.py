@@ -182,6 +182,13 @@ def taken_key(node: ConceptNode, context: FactorContext) -> FactorResult:
     return FactorResult([], [(plane, gtsam.OrientedPlane3(1, 0, 0, 0))])
 
 
+def own_variable(_node: ConceptNode, context: FactorContext) -> FactorResult:
+    """A variable that no factor links to another."""
+    key = context.new_key(0)
+    prior = gtsam.PriorFactorPoint2(key, np.ones(2), UNIT)
+    return FactorResult([prior], [(key, gtsam.Point2(0, 0))])
+
+
 def lost_key(_node: ConceptNode, _context: FactorContext) -> FactorResult:
     return FactorResult([gtsam.PriorFactorPoint2(7, np.zeros(2), UNIT)])
 
