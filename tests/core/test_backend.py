@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import gtsam
 import numpy as np
 import pytest
@@ -17,7 +15,6 @@ from sgraph_core import infer
 from sgraph_core.backend import Keys, concept_factors, low_layers, optimize
 from sgraph_core.backend.published import centre_of
 from sgraph_core.backend.published import factors as published
-from sgraph_core.backend.robust import Refusal, misfit, worst_of
 from sgraph_core.backend.ties import TieNoise, tie_planes
 from sgraph_core.evaluation.trajectory import ate_rmse
 from sgraph_core.graph import SGraph
@@ -310,43 +307,6 @@ def test_sides_that_are_no_wall_get_no_factors_and_do_not_bend_the_map() -> None
     assert bent < 0.01
 
 
-def walls_seen_exactly(gaps: Sequence[float]) -> SGraph:
-    """Return walls of these thicknesses, a side of each seen by either of two keyframes."""
-    graph = SGraph()
-    graph.add_keyframe(0, LEVEL)
-    graph.add_keyframe(1, [5, 0, 0, 0, 0, 0, 1])
-    graph.add_odometry(0, 1, [5, 0, 0, 0, 0, 0, 1], [1e-4] * 6)
-    walls = []
-    for number, gap in enumerate(gaps):
-        near, far, y = 2 * number, 2 * number + 1, 0.1 * number
-        graph.add_wall_surface(near, [[2, y - 0.4], [2, y + 0.4]], [-1, 0])
-        graph.add_wall_surface(far, [[2 + gap, y - 0.4], [2 + gap, y + 0.4]], [1, 0])
-        graph.observe(near, 0, [-1, 0, 0, 2.0], [0.01, 0.005])
-        graph.observe(far, 1, [1, 0, 0, 3.0 - gap], [0.01, 0.005])
-        shape = NodeShape(centre=(2 + gap / 2, y), thickness=gap)
-        walls.append(ConceptNode(number, (near, far), shape=shape))
-    graph.concepts["wall"] = walls
-    return graph
-
-
-def test_a_wall_that_contradicts_the_map_is_switched_off_and_the_report_says_why() -> None:
-    """Three walls of 0.2 m; the sides of a fourth were seen 0.5 m apart, exactly."""
-    graph = walls_seen_exactly([0.2, 0.2, 0.2, 0.5])
-    result = optimize(graph, {"wall": "zone:tie_at_a_fifth"})
-    assert result.switched_off == [("wall", 3)]
-    (refusal,) = result.refusals
-    assert refusal.squares > refusal.threshold > 0
-    assert str(refusal).startswith(f"wall 3: squared error {refusal.squares:.3g} exceeds")
-    assert result.graph.wall_surface(7).segment[:, 0] == pytest.approx([2.5, 2.5], abs=1e-3)
-
-
-def test_all_that_contradicts_the_map_is_switched_off_however_much_it_is() -> None:
-    """What is switched off first is the worst by far; forty walls are wrong by ever less."""
-    wrong = [0.36 + 0.02 * number for number in range(40)]
-    result = optimize(walls_seen_exactly([0.2, 0.2, 0.2, *wrong]), {"wall": "zone:tie_at_a_fifth"})
-    assert result.switched_off == [("wall", number) for number in range(3, 43)]
-
-
 def test_a_side_seen_from_afar_stays_at_the_other_one_when_it_is_turned_parallel() -> None:
     """10 m away along the wall the direction was 3 degrees off; where it was seen it is right."""
     graph, tilt = SGraph(), np.radians(3.0)
@@ -489,26 +449,6 @@ def test_a_variable_that_nothing_links_to_others_is_solved_too() -> None:
     result = optimize(graph, {"room": "none", "wall": "zone:own_variable"})
     for wall in graph.concepts["wall"]:
         assert result.values.atPoint2(KEYS.node("wall", wall.id, 0)) == pytest.approx([1, 1])
-
-
-def test_an_error_that_is_no_number_is_a_misfit_whatever_its_freedom() -> None:
-    unit = gtsam.noiseModel.Unit.Create(2)
-    nothing = gtsam.CustomFactor(unit, [5], lambda *_: np.full(2, np.nan))
-    values = gtsam.Values()
-    values.insert(5, gtsam.Point2(0, 0))
-    refusal = misfit("zone", 0, (), [nothing], {5: 2}, values)
-    assert refusal is not None
-    assert worst_of([(refusal, {0})]) == [refusal]
-
-
-def test_what_is_switched_off_is_the_worst_near_and_what_is_nearly_as_bad() -> None:
-    def of(node: int, excess: float) -> Refusal:
-        return Refusal("wall", node, (), excess, 1.0, 3)
-
-    worst, beside, nearly, elsewhere = of(0, 100.0), of(1, 10.0), of(2, 60.0), of(3, 2.0)
-    bystander = of(4, 6.0)  # bent by the one beside the worst, which stays for now
-    misfits = [(beside, {0, 1}), (worst, {1}), (bystander, {0}), (nearly, {1, 2}), (elsewhere, {7})]
-    assert worst_of(misfits) == [worst, nearly, elsewhere]
 
 
 def test_one_keyframe_is_enough() -> None:
