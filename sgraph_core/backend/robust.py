@@ -255,7 +255,7 @@ def misfit(
         squares = 2 * sum(factor.error(values) for factor in factors)
     except Exception as error:  # a third party's factors may raise anything
         raise ConceptError(f"factor of {concept} {node} fails: {one_line(error)}") from error
-    squares = inf if isnan(squares) else squares
+    squares = inf if isnan(squares) else squares  # which no threshold admits
     threshold = float(chdtri(freedom, REJECTION)) if freedom > 0 else inf
     if squares <= threshold and squares < inf:
         return None
