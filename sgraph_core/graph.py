@@ -234,9 +234,18 @@ class SGraph:
         )
 
     def observe(
-        self, surface_id: int, keyframe_id: int, plane: ArrayLike, sigmas: ArrayLike
+        self,
+        surface_id: int,
+        keyframe_id: int,
+        plane: ArrayLike,
+        sigmas: ArrayLike,
+        at: ArrayLike = (0.0, 0.0, 0.0),
     ) -> None:
         """Add the observation of a wall surface from a keyframe.
+
+        A plane is known best in the middle of what was seen of it: there its distance errs
+        independently of its angle. An error of the angle tilts it about that point, so that far
+        away, such as at the robot, angle and distance err together.
 
         Args:
             surface_id: who was seen.
@@ -244,7 +253,10 @@ class SGraph:
             plane: nx, ny, nz, d in the keyframe's body frame with n.x + d = 0, unit n pointing to
                 the keyframe, hence d > 0. Turned by the keyframe's pose, n must be within 90
                 degrees of the surface's normal: the other side would be another surface.
-            sigmas: standard deviations of the normal's angle and of d, in rad and m.
+            sigmas: standard deviations of the normal's angle and of the plane's distance from the
+                point ``at``, in rad and m.
+            at: point of the keyframe's body frame where angle and distance err independently; by
+                default its origin, where the distance is d.
 
         Raises:
             InputError: an id is unknown or a number breaks the map file's rules.
@@ -254,6 +266,7 @@ class SGraph:
             _ids([keyframe_id]),
             _row("plane", plane, (4,)),
             _row("sigmas", sigmas, (2,)),
+            _row("at", at, (3,)),
         )
 
     def extend_keyframes(self, ids: IntArray, poses: FloatArray, stamps: FloatArray) -> None:
@@ -292,7 +305,12 @@ class SGraph:
         self._wall_surfaces.append(WallSurfaces(ids, segments, normals, heights))
 
     def extend_observations(
-        self, surface_ids: IntArray, keyframe_ids: IntArray, planes: FloatArray, sigmas: FloatArray
+        self,
+        surface_ids: IntArray,
+        keyframe_ids: IntArray,
+        planes: FloatArray,
+        sigmas: FloatArray,
+        at: FloatArray,
     ) -> None:
         """Add rows of :class:`Observations`. Raises InputError as :meth:`observe` does."""
         check = Check("observations")
@@ -304,6 +322,7 @@ class SGraph:
             planes[:, 3] > 0, "plane", planes, "n must point to the keyframe, so d must be positive"
         )
         check.sigmas(sigmas)
+        check.positions("at", at)
         poses = self.keyframes.poses[[self._keyframe_rows[int(i)] for i in keyframe_ids]]
         normals = self.wall_surfaces.normals[[self._surface_rows[int(i)] for i in surface_ids]]
         seen = turned(planes[:, :3], poses[:, 3:])[:, :2]
@@ -313,7 +332,7 @@ class SGraph:
             planes,
             "n, turned by the keyframe's pose, must be within 90 degrees of the surface's normal",
         )
-        self._observations.append(Observations(surface_ids, keyframe_ids, planes, sigmas))
+        self._observations.append(Observations(surface_ids, keyframe_ids, planes, sigmas, at))
 
     # -- moving -------------------------------------------------------------------------------
 

@@ -211,6 +211,7 @@ def _read_tables(graph: SGraph, record: MapRecord, path: str | Path) -> None:
             ids([o.keyframe for _, _, o in seen]),
             table([o.plane for _, _, o in seen], 4),
             table([o.sigmas for _, _, o in seen], 2),
+            table([o.at for _, _, o in seen], 3),
         )
     except RowError as error:
         place = f"{error.table}[{error.row}].{error.field}"
@@ -386,10 +387,17 @@ def _odometry_records(graph: SGraph) -> Iterator[dict[str, Any]]:
 def _surface_records(graph: SGraph) -> Iterator[dict[str, Any]]:
     table, seen = graph.wall_surfaces, graph.observations
     observations: dict[int, list[dict[str, Any]]] = {}
-    columns = (seen.surface_ids, seen.keyframe_ids, seen.planes, seen.sigmas)
-    for i, keyframe, plane, sigmas in zip(*(column.tolist() for column in columns), strict=True):
+    columns = (seen.surface_ids, seen.keyframe_ids, seen.planes, seen.sigmas, seen.at)
+    for i, keyframe, plane, sigmas, at in zip(
+        *(column.tolist() for column in columns), strict=True
+    ):
         observations.setdefault(i, []).append(
-            {"keyframe": keyframe, "plane": plane, "sigmas": sigmas}
+            {
+                "keyframe": keyframe,
+                "plane": plane,
+                "sigmas": sigmas,
+                **({"at": at} if any(at) else {}),
+            }
         )
     rows = (table.ids, table.segments, table.normals, table.heights)
     for i, segment, normal, height in zip(*(column.tolist() for column in rows), strict=True):

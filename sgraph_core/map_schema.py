@@ -87,7 +87,13 @@ class ObservationRecord(Record):
         "the keyframe, hence d > 0 [m]."
     )
     sigmas: tuple[Positive, Positive] = Field(
-        description="Standard deviations of the normal's angle [rad] and of d [m]."
+        description="Standard deviations of the normal's angle [rad] and of the plane's distance "
+        "from the point 'at' [m]."
+    )
+    at: tuple[Coordinate, Coordinate, Coordinate] = Field(
+        default=(0.0, 0.0, 0.0),
+        description="Point of the body frame where angle and distance err independently [m]: the "
+        "middle of what was seen. At the origin the distance is d.",
     )
 
 

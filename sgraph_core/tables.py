@@ -152,13 +152,16 @@ class Observations:
         surface_ids, keyframe_ids: who was seen from where, [O].
         planes: nx, ny, nz, d in the keyframe's body frame with n.x + d = 0, unit n pointing to the
             keyframe, hence d > 0, [O, 4].
-        sigmas: standard deviations of the normal's angle and of d, rad and m, [O, 2].
+        sigmas: standard deviations of the normal's angle and of the plane's distance from the point
+            ``at``, which err independently, rad and m, [O, 2].
+        at: points of the body frame, [O, 3]. At the origin the distance is d.
     """
 
     surface_ids: IntArray = field(default_factory=lambda: np.empty(0, np.int64))
     keyframe_ids: IntArray = field(default_factory=lambda: np.empty(0, np.int64))
     planes: FloatArray = field(default_factory=lambda: np.empty((0, 4)))
     sigmas: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
+    at: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
 
 
 def is_id(value: object) -> bool:

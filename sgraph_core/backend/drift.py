@@ -7,7 +7,8 @@ plane of its own. What remains is a chain of motions, linearised once, in the pl
 The error of a keyframe is a small motion (angle a, shift s) of all that it sees about a common
 origin: a point p goes to p + s + a J p, with J the quarter turn. Odometry from i to j measures the
 difference of the errors of j and i at the position of j. A plane with normal n errs by its turn a
-and its shift b along n, and an observation of it from p by keyframe k measures
+and its shift b along n, and an observation of it by keyframe k, the distance being that of a point
+p, measures
 
     a - a_k    and    (b + a n.Jp) - (n.s_k + a_k n.Jp).
 """
@@ -22,6 +23,7 @@ from sgraph_concepts.types import FloatArray, IntArray
 from sgraph_core.backend.visits import AWAY
 from sgraph_core.geometry import cross
 from sgraph_core.graph import SGraph
+from sgraph_core.tables import turned
 
 __all__ = ["Drift"]
 
@@ -92,10 +94,12 @@ class Drift:
         by, of = _rows(graph, table.keyframe_ids), table.surface_ids
         order = np.lexsort((by, of))
         by, of, sigmas = by[order], of[order], table.sigmas[order]
+        poses = graph.keyframes.poses[by]
+        points = (poses[:, :3] + turned(table.at[order], poses[:, 3:]))[:, :2]
         again = (np.diff(of) == 0) & (np.diff(by) <= AWAY)
         visits = np.cumsum(np.append(True, ~again)[: len(of)]) - 1
         normals = graph.wall_surfaces.normals[[graph.surface_row(i) for i in of.tolist()]]
-        arms = cross(graph.keyframes.poses[by, :2] - self._origin, normals)
+        arms = cross(points - self._origin, normals)
         planes = 3 * len(graph.keyframes.ids) + 2 * visits
         columns = np.stack([3 * by, 3 * by + 1, 3 * by + 2, planes, planes + 1], axis=1)
         angle, offset = np.zeros((2, len(by), 5))

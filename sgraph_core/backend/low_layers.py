@@ -14,13 +14,13 @@ import numpy as np
 from sgraph_concepts.errors import OptimizationError
 from sgraph_concepts.types import FloatArray
 from sgraph_core.backend.keys import Keys
+from sgraph_core.backend.sightings import add_observations, plane_value
 from sgraph_core.backend.visits import Visits
 from sgraph_core.graph import SGraph
-from sgraph_core.tables import Keyframes, Observations, Odometry
+from sgraph_core.tables import Keyframes, Odometry
 
 __all__ = [
     "LowLayers",
-    "add_observations",
     "add_odometry",
     "add_poses",
     "hold",
@@ -84,9 +84,9 @@ def low_layers(
     planes = world_planes(graph)
     for surface, of in sorted({(i, of) for i, of, _ in seen}):
         plane = planes[graph.surface_row(of)]
-        values.insert(keys.surface(surface), gtsam.OrientedPlane3(*plane))
+        values.insert(keys.surface(surface), plane_value(plane))
     renamed = np.array([surface for surface, _, _ in seen], np.int64)
-    add_observations(replace(graph.observations, surface_ids=renamed), keys, factors)
+    add_observations(replace(graph.observations, surface_ids=renamed), graph, keys, factors)
     observers: dict[int, list[int]] = {}
     for surface, _, row in sorted(seen):
         observers.setdefault(surface, []).append(row)
@@ -149,24 +149,6 @@ def add_odometry(table: Odometry, keys: Keys, factors: gtsam.NonlinearFactorGrap
         noise = gtsam.noiseModel.Diagonal.Sigmas(sigmas)
         factors.add(
             gtsam.BetweenFactorPose3(keys.keyframe(one), keys.keyframe(two), pose3(pose), noise)
-        )
-
-
-def add_observations(table: Observations, keys: Keys, factors: gtsam.NonlinearFactorGraph) -> None:
-    """Add the factors of observed planes."""
-    for surface, keyframe, plane, (angle, offset) in zip(
-        table.surface_ids.tolist(),
-        table.keyframe_ids.tolist(),
-        table.planes,
-        table.sigmas.tolist(),
-        strict=True,
-    ):
-        noise = gtsam.noiseModel.Diagonal.Sigmas(np.array([angle, angle, offset]))
-        measured = plane / np.linalg.norm(plane[:3])
-        factors.add(
-            gtsam.OrientedPlane3Factor(
-                measured, noise, keys.keyframe(keyframe), keys.surface(surface)
-            )
         )
 
 

@@ -16,6 +16,8 @@ from sgraph_core.synth.polygons import turn_left
 __all__ = ["GATE", "NONE", "Gate", "Lines", "aligned", "matches", "seen_from_pose"]
 
 NONE = -1
+ALIGNMENT_STEPS = 2
+"""Of Gauss-Newton: the second one corrects what turning about far points bends."""
 
 
 @dataclass(frozen=True)
@@ -93,8 +95,8 @@ def aligned(
 ) -> FloatArray:
     """Return a predicted pose corrected by what a keyframe observed again.
 
-    One step of weighted least squares on the pose x, y, yaw: the prediction with its sigmas, and
-    for each match the angle between the normals and the difference of the distances to the plane.
+    Weighted least squares on the pose x, y, yaw: the prediction with its sigmas, and for each match
+    the angle between the normals and the mapped plane's distance from the observed point ``at``.
 
     Args:
         pose: the prediction, [3].
@@ -104,21 +106,26 @@ def aligned(
         matched: of each observed surface the row of the mapped one, or NONE, [S].
     """
     found = matched != NONE
-    mapped, planes = matched[found], observed.planes[found]
-    normals = known.normals[mapped]
-    seen = rotated(planes[:, :2], np.full(len(planes), pose[2]))
-    turn = np.arctan2(cross(seen, normals), dot(seen, normals))
-    offset = planes[:, 3] - dot(normals, pose[:2] - known.segments[mapped].mean(axis=1))
-    angle_sigma, offset_sigma = observed.sigmas[found].T
-    rows = np.concatenate(
-        [
-            np.diag(1 / sigmas),
-            np.column_stack([np.zeros((len(turn), 2)), 1 / angle_sigma]),
-            np.column_stack([normals / offset_sigma[:, None], np.zeros(len(turn))]),
-        ]
-    )
-    right = np.concatenate([np.zeros(3), turn / angle_sigma, offset / offset_sigma])
-    return np.asarray(pose + np.linalg.lstsq(rows, right, rcond=None)[0])
+    mapped, seen_normals = matched[found], observed.planes[found, :2]
+    normals, middles = known.normals[mapped], known.segments[mapped].mean(axis=1)
+    angle_sigmas, offset_sigmas = observed.sigmas[found].T
+    estimate = pose
+    for _ in range(ALIGNMENT_STEPS):
+        seen = rotated(seen_normals, np.full(len(mapped), estimate[2]))
+        turn = np.arctan2(cross(seen, normals), dot(seen, normals))
+        at = placed(estimate, observed.at[found])
+        offset = -dot(normals, at - middles)
+        arms = cross(at - estimate[:2], normals)
+        rows = np.concatenate(
+            [
+                np.diag(1 / sigmas),
+                np.column_stack([np.zeros((len(turn), 2)), 1 / angle_sigmas]),
+                np.column_stack([normals, arms]) / offset_sigmas[:, None],
+            ]
+        )
+        left = (pose - estimate) / sigmas, turn / angle_sigmas, offset / offset_sigmas
+        estimate = estimate + np.linalg.lstsq(rows, np.concatenate(left), rcond=None)[0]
+    return np.asarray(estimate)
 
 
 def _away_from_zero(values: FloatArray) -> FloatArray:

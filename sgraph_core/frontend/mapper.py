@@ -11,6 +11,7 @@ from sgraph_concepts.errors import OptimizationError, one_line
 from sgraph_concepts.types import FloatArray, IntArray
 from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.low_layers import PRIOR_SIGMA, pose3
+from sgraph_core.backend.sightings import plane_noise, plane_value
 from sgraph_core.frontend.association import (
     NONE,
     Gate,
@@ -19,7 +20,7 @@ from sgraph_core.frontend.association import (
     matches,
     seen_from_pose,
 )
-from sgraph_core.frontend.planar import as_rows, composed, from_rows, rotated
+from sgraph_core.frontend.planar import as_rows, composed, from_rows, in_space, rotated
 from sgraph_core.frontend.recording import ObservedSurfaces, Recording
 from sgraph_core.geometry import dot
 from sgraph_core.synth.polygons import turn_left
@@ -97,7 +98,7 @@ class Mapper:
             nx, ny, d = planes[row].tolist()
             key = self._keys.surface(int(surfaces[row]))
             self._surface_keys.append(key)
-            values.insert(key, gtsam.OrientedPlane3(nx, ny, 0.0, d))
+            values.insert(key, plane_value(np.array([nx, ny, 0.0, d])))
         self._add_observations(observed, surfaces, factors)
         self._update(factors, values)
         self._grow(seen, planes, surfaces, pose)
@@ -150,10 +151,10 @@ class Mapper:
         self, observed: ObservedSurfaces, surfaces: IntArray, factors: gtsam.NonlinearFactorGraph
     ) -> None:
         keyframe = self._keys.keyframe(len(self.poses) - 1)
-        for surface, plane, (angle, offset) in zip(
-            surfaces.tolist(), observed.planes, observed.sigmas.tolist(), strict=True
+        for surface, plane, sigmas, at in zip(
+            surfaces.tolist(), observed.planes, observed.sigmas, in_space(observed.at), strict=True
         ):
-            noise = gtsam.noiseModel.Diagonal.Sigmas(np.array([angle, angle, offset]))
+            noise = plane_noise(plane, sigmas, at, level=True)
             key = self._surface_keys[surface]
             factors.add(gtsam.OrientedPlane3Factor(plane, noise, keyframe, key))
         self.associations.append(surfaces)

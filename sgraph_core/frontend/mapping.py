@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from sgraph_concepts.types import FloatArray, IntArray
 from sgraph_core.frontend.association import GATE, NONE, Gate, Lines
 from sgraph_core.frontend.mapper import Mapper
-from sgraph_core.frontend.planar import as_rows
+from sgraph_core.frontend.planar import as_rows, in_space
 from sgraph_core.frontend.recording import Recording
 from sgraph_core.frontend.truth import observed_sources, surface_sources, truth_of_map
 from sgraph_core.graph import SGraph
@@ -107,6 +107,7 @@ def _graph(
         np.repeat(keyframes, [len(o) for o in observed])[kept],
         np.concatenate([o.planes for o in observed])[kept],
         np.concatenate([o.sigmas for o in observed])[kept],
+        in_space(np.concatenate([o.at for o in observed])[kept]),
     )
     return graph
 

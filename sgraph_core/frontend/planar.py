@@ -6,7 +6,17 @@ import numpy as np
 
 from sgraph_concepts.types import FloatArray
 
-__all__ = ["as_rows", "between", "chained", "composed", "from_rows", "placed", "rotated", "wrapped"]
+__all__ = [
+    "as_rows",
+    "between",
+    "chained",
+    "composed",
+    "from_rows",
+    "in_space",
+    "placed",
+    "rotated",
+    "wrapped",
+]
 
 
 def as_rows(poses: FloatArray) -> FloatArray:
@@ -21,6 +31,11 @@ def from_rows(rows: FloatArray) -> FloatArray:
     qx, qy, qz, qw = rows[:, 3:].T
     yaw = np.arctan2(2 * (qw * qz + qx * qy), 1 - 2 * (qy**2 + qz**2))
     return np.column_stack([rows[:, :2], yaw])
+
+
+def in_space(points: FloatArray) -> FloatArray:
+    """Return points in the plane [P, 2] as points with z = 0, [P, 3]."""
+    return np.column_stack([points, np.zeros(len(points))])
 
 
 def composed(poses: FloatArray, motions: FloatArray) -> FloatArray:

@@ -21,13 +21,16 @@ class ObservedSurfaces:
         segments: endpoints of what was seen, [S, 2, 2], in metres.
         planes: nx, ny, nz, d with n.x + d = 0, unit n pointing to the keyframe, hence d > 0,
             [S, 4].
-        sigmas: standard deviations of the normal's angle and of d, rad and m, [S, 2].
+        sigmas: standard deviations of the normal's angle and of the plane's distance from the point
+            ``at``, which err independently, rad and m, [S, 2].
+        at: points of the planes, [S, 2].
         heights: lowest and highest z that was seen, NaN where unknown, [S, 2].
     """
 
     segments: FloatArray
     planes: FloatArray
     sigmas: FloatArray
+    at: FloatArray
     heights: FloatArray
 
     def __len__(self) -> int:

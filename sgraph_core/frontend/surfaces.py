@@ -139,6 +139,7 @@ def extract_surfaces(scan: Scan, config: Extraction) -> ObservedSurfaces:
         np.array([fit.segment for fit in fits]).reshape(-1, 2, 2),
         np.array([fit.plane for fit in fits]).reshape(-1, 4),
         np.array([fit.sigmas for fit in fits]).reshape(-1, 2),
+        np.array([fit.at for fit in fits]).reshape(-1, 2),
         np.array([fit.heights for fit in fits]).reshape(-1, 2),
     )
 
@@ -211,16 +212,19 @@ class _Fit:
     segment: FloatArray
     plane: FloatArray
     sigmas: FloatArray
+    at: FloatArray
     heights: FloatArray
 
 
 def _fit(scan: Scan, run: Run, config: Extraction) -> _Fit | None:
     """Fit a plane to a run; None if it is too short, too few points, or passes the sensor.
 
-    With standard deviation s of a point across the line, P points, the moment m of their positions
-    along it about their centre, and the wall's own sigmas a and o, var(angle) = s^2 / m + a^2 and,
-    the sensor being l away from the centre along the line,
-    var(d) = s^2 / P + o^2 + l^2 var(angle).
+    With standard deviation s of a point across the line, P points and the moment m of their
+    positions along it, the fit errs in its centre with variance s^2 / P and turns about it with
+    f = s^2 / m. The wall itself departs from its plane in the middle of the stretch with variance
+    o^2 and is turned about that by a^2. Together they turn by f + a^2, independently of the error
+    in the mean of centre and middle with weights f and a^2, which is there, at a distance r between
+    centre and middle, s^2 / P + o^2 + r^2 f a^2 / (f + a^2).
     """
     points = scan.points[run[0] : run[1]]
     kept = _without_ends(points, config)
@@ -236,12 +240,17 @@ def _fit(scan: Scan, run: Run, config: Extraction) -> _Fit | None:
         normal, offset = -normal, -offset
     noise = max(config.noise_m, float(np.sqrt(max(scatter, 0.0) / (len(points) - 2))))
     wall_angle, wall_offset = config.wall_sigmas(np.ptp(reach))
-    angle = np.hypot(noise / np.sqrt(moment), wall_angle)
-    middle = np.hypot(noise / np.sqrt(len(points)), wall_offset)
+    turns = np.array([noise**2 / moment, wall_angle**2])
+    angle = np.sqrt(turns.sum())
+    middle = (reach.min() + reach.max()) / 2
+    distance = np.sqrt(
+        noise**2 / len(points) + wall_offset**2 + middle**2 * turns.prod() / turns.sum()
+    )
     return _Fit(
         segment=centre + np.outer([reach.min(), reach.max()], along),
         plane=np.array([*normal, 0.0, offset]),
-        sigmas=np.array([angle, np.hypot(middle, (along @ centre) * angle)]),
+        sigmas=np.array([angle, distance]),
+        at=centre + turns[1] / turns.sum() * middle * along,
         heights=np.array([heights[:, 0].min(), heights[:, 1].max()]),
     )
 
@@ -270,9 +279,13 @@ def uneven(observed: ObservedSurfaces, config: Extraction, rng: Generator) -> Ob
     normals = rotated(observed.planes[:, :2], angle)
     offsets = -dot(normals, middles) + shift
     kept = offsets > 0
-    arms = rotated(observed.segments - middles[:, None], angle[:, None])
-    segments = (middles - shift[:, None] * normals)[:, None] + arms
+    points = np.concatenate([observed.segments, observed.at[:, None]], axis=1) - middles[:, None]
+    points = (middles - shift[:, None] * normals)[:, None] + rotated(points, angle[:, None])
     planes = np.column_stack([normals, np.zeros(len(normals)), offsets])
     return ObservedSurfaces(
-        segments[kept], planes[kept], observed.sigmas[kept], observed.heights[kept]
+        points[kept, :2],
+        planes[kept],
+        observed.sigmas[kept],
+        points[kept, 2],
+        observed.heights[kept],
     )

@@ -209,7 +209,12 @@ class ConceptTracker:
             self._pending.add(surface_id)
 
     def observe(
-        self, surface_id: int, keyframe_id: int, plane: ArrayLike, sigmas: ArrayLike
+        self,
+        surface_id: int,
+        keyframe_id: int,
+        plane: ArrayLike,
+        sigmas: ArrayLike,
+        at: ArrayLike = (0.0, 0.0, 0.0),
     ) -> None:
         """Add an observation, as :meth:`sgraph_core.SGraph.observe` does.
 
@@ -217,7 +222,7 @@ class ConceptTracker:
         it must be in the graph by the time that the next update's factors are added to it.
         """
         with self._lock:
-            self._graph.observe(surface_id, keyframe_id, plane, sigmas)
+            self._graph.observe(surface_id, keyframe_id, plane, sigmas, at)
             if surface_id not in self._observed.rows:
                 self._observed.add(self._ordered([surface_id]))
                 self._newly_observed.add(surface_id)

@@ -88,8 +88,8 @@ def test_noise_of_ranges_stays_within_the_sigmas_of_the_fit() -> None:
         points = np.column_stack([np.linspace(-2, 2.5, 200), np.full(200, 3.0)])
         points[:, 1] += np.random.default_rng(seed).normal(0, 0.02, 200)
         found = extract_surfaces(Scan.flat(points), config)
-        (plane,), (sigmas,) = found.planes, found.sigmas
-        errors.append([np.arctan2(plane[0], -plane[1]), plane[3] - 3.0] / sigmas)
+        (plane,), (sigmas,), (at,) = found.planes, found.sigmas, found.at
+        errors.append([np.arctan2(plane[0], -plane[1]), at[1] - 3.0] / sigmas)
     assert np.var(errors, axis=0) == pytest.approx([1.0, 1.0], abs=0.6)
 
 
@@ -102,11 +102,15 @@ def test_uneven_walls_err_as_their_sigmas_say() -> None:
     for _ in range(400):
         drawn = uneven(exact, config, rng)
         cross = exact.planes[:, 0] * drawn.planes[:, 1] - exact.planes[:, 1] * drawn.planes[:, 0]
-        errors.append(np.column_stack([cross, drawn.planes[:, 3] - exact.planes[:, 3]]))
+        distances = (exact.at * drawn.planes[:, :2]).sum(axis=1) + drawn.planes[:, 3]
+        errors.append(np.column_stack([cross, distances]) / exact.sigmas)
         normals, offsets = drawn.planes[:, None, :2], drawn.planes[:, 3:]
-        on_plane = (drawn.segments * normals).sum(axis=2) + offsets
+        points = np.concatenate([drawn.segments, drawn.at[:, None]], axis=1)
+        on_plane = (points * normals).sum(axis=2) + offsets
         assert on_plane == pytest.approx(0, abs=1e-9)
-    assert np.var(np.array(errors) / exact.sigmas, axis=(0, 1)) == pytest.approx(1.0, abs=0.25)
+    angles, distances = np.array(errors).reshape(-1, 2).T
+    assert [np.var(angles), np.var(distances)] == pytest.approx([1.0, 1.0], abs=0.1)
+    assert np.corrcoef(angles, distances)[0, 1] == pytest.approx(0.0, abs=0.05)
 
 
 def test_a_scan_without_walls_shows_no_surfaces() -> None:

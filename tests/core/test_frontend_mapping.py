@@ -166,18 +166,22 @@ def test_alignment_finds_the_pose_that_surfaces_show() -> None:
     )
     normals = known.normals @ np.array([[np.cos(0.1), -np.sin(0.1)], [np.sin(0.1), np.cos(0.1)]])
     planes = np.column_stack([normals, np.zeros(2), [2.0, 3.0]])
+    along = np.column_stack([-normals[:, 1], normals[:, 0]])
+    at = -normals * planes[:, 3:] + along * [[-4.0], [2.5]]
     observed = ObservedSurfaces(
-        np.zeros((2, 2, 2)), planes, np.full((2, 2), 1e-4), np.full((2, 2), np.nan)
+        np.zeros((2, 2, 2)), planes, np.full((2, 2), 1e-4), at, np.full((2, 2), np.nan)
     )
     predicted = true + np.array([0.1, -0.05, 0.02])
     found = aligned(predicted, np.ones(3), observed, known, np.array([0, 1]))
-    assert found == pytest.approx(true, abs=1e-6)
+    assert found == pytest.approx(true, abs=1e-5)
     unmatched = aligned(predicted, np.ones(3), observed, known, np.array([NONE, NONE]))
     assert unmatched == pytest.approx(predicted)
 
 
 def test_a_drive_that_saw_nothing_gives_a_map_without_surfaces(recording: Recording) -> None:
-    nothing = ObservedSurfaces(*(np.empty((0, *shape)) for shape in ((2, 2), (4,), (2,), (2,))))
+    nothing = ObservedSurfaces(
+        *(np.empty((0, *shape)) for shape in ((2, 2), (4,), (2,), (2,), (2,)))
+    )
     drive = build_map(replace(recording, observations=(nothing,) * len(recording)))
     assert len(drive.sources) == len(drive.graph.wall_surfaces.ids) == 0
     reckoned = recording.dead_reckoned()

@@ -41,7 +41,12 @@ FULL: dict[str, Any] = {
             "z": [0.0, 2.5],
             "observations": [
                 {"keyframe": 3, "plane": [0.0, 1.0, 0.0, 1.5], "sigmas": [0.01, 0.02]},
-                {"keyframe": 7, "plane": [0.0, -1.0, 0.0, 1.5], "sigmas": [0.01, 0.02]},
+                {
+                    "keyframe": 7,
+                    "plane": [0.0, -1.0, 0.0, 1.5],
+                    "sigmas": [0.01, 0.02],
+                    "at": [1.0, 1.5, 0.0],
+                },
             ],
         },
         {"id": 31, "segment": [[4.0, -0.1], [0.0, -0.1]], "normal": [0.0, -1.0]},
@@ -193,6 +198,7 @@ MUTATIONS: list[tuple[Callable[[dict[str, Any]], None], str]] = [
         "must be within 90 degrees of the surface's normal",
     ),
     (_set("wall_surfaces/0/observations/0/sigmas", [0, 1]), "must be greater than 0"),
+    (_set("wall_surfaces/0/observations/1/at", [0, 1]), "observations[1].at"),
     (_set("keyframes/1/id", 3), "keyframes[1].id = 3: must be unique"),
     (_set("keyframes/0/pose", [0, 0, 0, 0, 0, 0, 2]), "keyframes[0].pose"),
     (_set("odometry/0/to", 8), "odometry[0].to = 8: must be the id of a keyframe"),

@@ -80,6 +80,6 @@ def keyframes_of(graph: SGraph) -> list[Callable[[SGraph | ConceptTracker], None
                 target.add_wall_surface(surface, view.segment, view.normal)
         for row in np.flatnonzero(seen.keyframe_ids == keyframe):
             surface = int(seen.surface_ids[row])
-            target.observe(surface, keyframe, seen.planes[row], seen.sigmas[row])
+            target.observe(surface, keyframe, seen.planes[row], seen.sigmas[row], seen.at[row])
 
     return [lambda target, k=k: enter(target, k) for k in table.ids.tolist()]  # type: ignore[misc]

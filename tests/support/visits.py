@@ -16,11 +16,14 @@ AWAY = 18
 SIGMAS = [1e-3, 1e-3, 0.01, 0.05, 0.05, 1e-3]
 
 
-def visit_rooms(visits: Sequence[tuple[Sequence[Sequence[float]], Sequence[float]]]) -> SGraph:
+def visit_rooms(
+    visits: Sequence[tuple[Sequence[Sequence[float]], Sequence[float]]], at_middles: bool = False
+) -> SGraph:
     """Return the map of visits, each an outline (counter-clockwise) and its drift x, y, yaw.
 
     Each visit has three keyframes, which see all sides, and is a room of its own. Surfaces are
     numbered visit by visit, side by side. Odometry agrees with the drift, so the map is solved.
+    Distances err in the keyframes, or in the middles of the surfaces.
     """
     graph, rooms = SGraph("visits"), []
     for outline, drift in visits:
@@ -31,7 +34,7 @@ def visit_rooms(visits: Sequence[tuple[Sequence[Sequence[float]], Sequence[float
                 _keyframe(graph, np.array([centre[0] + 0.3 * step, centre[1], 0.0]), drift)
             )
         members = [
-            _see(graph, corners[side], corners[(side + 1) % len(corners)], poses, drift)
+            _see(graph, corners[side], corners[(side + 1) % len(corners)], poses, drift, at_middles)
             for side in range(len(corners))
         ]
         shape = NodeShape(tuple(centre), tuple(map(tuple, corners.tolist())))
@@ -59,6 +62,7 @@ def _see(
     end: Array,
     poses: Sequence[tuple[int, Array]],
     drift: Sequence[float],
+    at_middles: bool,
 ) -> int:
     surface, moved = len(graph.wall_surfaces.ids), np.array(drift, float)
     along = (end - start) / np.linalg.norm(end - start)
@@ -68,5 +72,6 @@ def _see(
     graph.add_wall_surface(surface, ends, turned)
     for keyframe, true in poses:
         plane = [*normal, 0, float(normal @ (true[:2] - start))]
-        graph.observe(surface, keyframe, plane, [0.01, 0.02])
+        middle = np.append((start + end) / 2 - true[:2], 0.0) if at_middles else np.zeros(3)
+        graph.observe(surface, keyframe, plane, [0.01, 0.02], middle)
     return surface

@@ -9,7 +9,7 @@ import numpy as np
 from sgraph_concepts.types import BuildingTruth, FloatArray, IntArray, SurfaceArrays
 from sgraph_core.frontend.association import NONE, seen_from_pose
 from sgraph_core.frontend.mapping import seen_again
-from sgraph_core.frontend.planar import from_rows
+from sgraph_core.frontend.planar import from_rows, in_space
 from sgraph_core.frontend.recording import Recording
 from sgraph_core.graph import SGraph, TrueRoom, Truth
 
@@ -47,6 +47,7 @@ def oracle_map(recording: Recording, true: SurfaceArrays, sources: Sequence[IntA
         np.repeat(keyframes, [len(surfaces) for surfaces in observed])[kept],
         np.concatenate([surfaces.planes for surfaces in observed])[kept],
         np.concatenate([surfaces.sigmas for surfaces in observed])[kept],
+        in_space(np.concatenate([surfaces.at for surfaces in observed])[kept]),
     )
     if recording.building is not None:
         graph.truth = _truth(recording.building, set(ids.tolist()))
