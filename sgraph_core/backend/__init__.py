@@ -11,6 +11,7 @@ from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.low_layers import LowLayers, low_layers
 from sgraph_core.backend.optimize import Optimization, optimize
 from sgraph_core.backend.robust import Refusal
+from sgraph_core.backend.sightings import plane_noise, plane_value
 
 __all__ = [
     "Association",
@@ -26,4 +27,6 @@ __all__ = [
     "concept_factors",
     "low_layers",
     "optimize",
+    "plane_noise",
+    "plane_value",
 ]
