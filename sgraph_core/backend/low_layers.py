@@ -14,7 +14,7 @@ import numpy as np
 from sgraph_concepts.errors import OptimizationError
 from sgraph_concepts.types import FloatArray
 from sgraph_core.backend.keys import Keys
-from sgraph_core.backend.sightings import add_observations, plane_value
+from sgraph_core.backend.sightings import add_observations, is_planar, plane_value
 from sgraph_core.backend.visits import Visits
 from sgraph_core.graph import SGraph
 from sgraph_core.tables import Keyframes, Odometry
@@ -86,7 +86,8 @@ def low_layers(
         plane = planes[graph.surface_row(of)]
         values.insert(keys.surface(surface), plane_value(plane))
     renamed = np.array([surface for surface, _, _ in seen], np.int64)
-    add_observations(replace(graph.observations, surface_ids=renamed), graph, keys, factors)
+    seen_as = replace(graph.observations, surface_ids=renamed)
+    add_observations(seen_as, is_planar(graph), keys, factors)
     observers: dict[int, list[int]] = {}
     for surface, _, row in sorted(seen):
         observers.setdefault(surface, []).append(row)

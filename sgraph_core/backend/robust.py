@@ -36,6 +36,8 @@ NEARLY = 0.5
 ROUGH, FINE = 1e-3, 1e-5
 """Share of the error by which the last iteration lowers it: when misfits are first looked for, and
 when there are none left. To bend a map into a wrong loop takes many iterations for nothing."""
+NOTHING = 1e-8
+"""An error that falls by no more was none: of a consistent map a share of it is never reached."""
 MOST_ITERATIONS = 100
 
 
@@ -121,7 +123,7 @@ class _Solver:
         return int(self._optimizer.iterations())
 
     def iterate(self, tolerance: float) -> None:
-        """Iterate until the error falls by no more than a share of itself.
+        """Iterate until the error falls by no more than a share of itself, or by nothing at all.
 
         Raises:
             OptimizationError: a factor fails.
@@ -130,7 +132,7 @@ class _Solver:
             while self.iterations < MOST_ITERATIONS:
                 before = self._optimizer.error()
                 self._optimizer.iterate()
-                if not before - self._optimizer.error() > tolerance * before:
+                if not before - self._optimizer.error() > max(tolerance * before, NOTHING):
                     return
 
 

@@ -14,11 +14,11 @@ which is independent of e1 and e2 where an observation says so: information for 
                     -b1.p/distance     -b2.p/distance     1/distance ].
 
 gtsam crosses the normal with the axis that it has least of to get b1, so the basis jumps where two
-axes are equally far away. Predicted and measured normal must be on the same side of the jump, or
-the errors would change places. A body that is level sees vertical planes, which are farthest from
-the vertical axis however they turn. For a body that is not, an observation near a jump loses its
-correlation: its d errs by what the distance from p and the angle do together. Maps that were drawn
-begin exactly on a jump, where gtsam would linearise wrongly: see :func:`plane_value`.
+axes are equally far away. Predicted and measured normal must be on the same side of a jump, or the
+errors would change places. In a planar problem all normals are horizontal, farthest from the
+vertical axis however they turn. In any other, an observation near a jump loses its correlation: its
+d errs by what the distance from p and the angle do together. Maps that were drawn begin exactly on
+a jump, where gtsam would linearise wrongly: see :func:`plane_value`.
 """
 
 from __future__ import annotations
@@ -31,14 +31,21 @@ from sgraph_core.backend.keys import Keys
 from sgraph_core.graph import SGraph
 from sgraph_core.tables import Observations
 
-__all__ = ["add_observations", "plane_noise", "plane_value"]
+__all__ = ["add_observations", "is_planar", "plane_noise", "plane_value"]
 
 LEVEL = 1e-9
-"""A body is level that is tilted by no more, in rad."""
+"""What is tilted by no more is level, in rad."""
+OFF_AXES = 1e-7
+"""By how much the first guess of a plane is turned off the axes, in rad."""
 CLEAR = 0.2
 """By how much a normal's two least components must differ, for it to be clear of a jump."""
-OFF_AXES = 1e-9
-"""By how much the first guess of a plane is turned off the axes, in rad."""
+
+
+def is_planar(graph: SGraph) -> bool:
+    """Return whether bodies are level, motions turn about the vertical, and planes are vertical."""
+    tilts = graph.keyframes.poses[:, 3:5], graph.odometry.poses[:, 3:5]
+    upright = (np.abs(graph.observations.planes[:, 2]) <= LEVEL).all()
+    return bool(upright and all((np.abs(tilt) <= LEVEL / 2).all() for tilt in tilts))
 
 
 def plane_value(plane: FloatArray) -> gtsam.OrientedPlane3:
@@ -48,31 +55,34 @@ def plane_value(plane: FloatArray) -> gtsam.OrientedPlane3:
 
 
 def add_observations(
-    table: Observations, graph: SGraph, keys: Keys, factors: gtsam.NonlinearFactorGraph
+    table: Observations, planar: bool, keys: Keys, factors: gtsam.NonlinearFactorGraph
 ) -> None:
     """Add the factors of observed planes.
 
     Args:
         table: the observations.
-        graph: the S-Graph that has the keyframes.
+        planar: whether the whole problem is; see :func:`is_planar`.
         keys: the keys of keyframes and surfaces.
         factors: grows.
     """
-    keyframes = table.keyframe_ids.tolist()
-    poses = graph.keyframes.poses[[graph.keyframe_row(i) for i in keyframes]].reshape(-1, 7)
-    level: list[bool] = np.all(np.abs(poses[:, 3:5]) <= LEVEL / 2, axis=1).tolist()
     measured = table.planes / np.linalg.norm(table.planes[:, :3], axis=1)[:, None]
-    rows = zip(measured, table.sigmas, table.at, level, strict=True)
-    for surface, keyframe, row in zip(table.surface_ids.tolist(), keyframes, rows, strict=True):
+    rows = zip(
+        table.surface_ids.tolist(),
+        table.keyframe_ids.tolist(),
+        measured,
+        table.sigmas,
+        table.at,
+        strict=True,
+    )
+    for surface, keyframe, plane, sigmas, at in rows:
+        noise = plane_noise(plane, sigmas, at, planar)
         factors.add(
-            gtsam.OrientedPlane3Factor(
-                row[0], plane_noise(*row), keys.keyframe(keyframe), keys.surface(surface)
-            )
+            gtsam.OrientedPlane3Factor(plane, noise, keys.keyframe(keyframe), keys.surface(surface))
         )
 
 
 def plane_noise(
-    plane: FloatArray, sigmas: FloatArray, at: FloatArray, level: bool
+    plane: FloatArray, sigmas: FloatArray, at: FloatArray, planar: bool
 ) -> gtsam.noiseModel.Gaussian:
     """Return the noise model of an OrientedPlane3Factor.
 
@@ -81,23 +91,28 @@ def plane_noise(
         sigmas: standard deviations of the normal's angle and of the plane's distance from ``at``,
             rad and m, [2].
         at: point of the body frame, [3].
-        level: whether the body is level and the plane vertical, but for errors.
+        planar: whether bodies and motions of the whole problem are exactly level, and all measured
+            planes exactly vertical. Else a normal within 12 degrees of a plane between two axes
+            of the body that are equally far from it, such as of a wall along the driving direction,
+            loses the correlation of angle and distance.
     """
     angle, distance = sigmas.tolist()
     if not at.any():
         return gtsam.noiseModel.Diagonal.Sigmas(np.array([angle, angle, distance]))
-    arms = at @ _basis(plane[:3], level)
-    if not (level or _clear(plane[:3])):
+    arms = at @ _basis(plane[:3], planar)
+    if not (planar or _clear(plane[:3])):
         apart = np.sqrt(distance**2 + angle**2 * (arms @ arms))
         return gtsam.noiseModel.Diagonal.Sigmas(np.array([angle, angle, apart]))
     errors = np.diag([1 / angle, 1 / angle, 1 / distance])
     errors[2, :2] = -arms / distance
-    return gtsam.noiseModel.Gaussian.Information(errors.T @ errors)
+    # gtsam takes a lower triangle for a diagonal matrix, and a diagonal for standard deviations
+    upper = np.linalg.qr(errors).R
+    return gtsam.noiseModel.Gaussian.SqrtInformation(upper * np.sign(np.diag(upper))[:, None])
 
 
-def _basis(normal: FloatArray, level: bool) -> FloatArray:
+def _basis(normal: FloatArray, planar: bool) -> FloatArray:
     """Return gtsam's basis of the plane that is perpendicular to a normal, [3, 2]."""
-    if level:  # exactly along an axis gtsam has another one than on either side of it
+    if planar:  # exactly along an axis gtsam has another one than on either side of it
         return np.array([[normal[1], 0.0], [-normal[0], 0.0], [0.0, -1.0]])
     return np.asarray(gtsam.Unit3(normal).basis())
 

@@ -154,7 +154,7 @@ class Mapper:
         for surface, plane, sigmas, at in zip(
             surfaces.tolist(), observed.planes, observed.sigmas, in_space(observed.at), strict=True
         ):
-            noise = plane_noise(plane, sigmas, at, level=True)
+            noise = plane_noise(plane, sigmas, at, planar=True)
             key = self._surface_keys[surface]
             factors.add(gtsam.OrientedPlane3Factor(plane, noise, keyframe, key))
         self.associations.append(surfaces)

@@ -12,7 +12,7 @@ import numpy as np
 from sgraph_concepts.errors import OptimizationError, one_line
 from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.low_layers import add_odometry, add_poses, hold, vertical_planes
-from sgraph_core.backend.sightings import add_observations, plane_value
+from sgraph_core.backend.sightings import add_observations, is_planar, plane_value
 from sgraph_core.graph import SGraph
 from sgraph_core.slam.update import Update
 
@@ -88,7 +88,7 @@ class Smoother:
         )
         for surface, plane in zip(surfaces, planes, strict=True):
             values.insert(self._keys.surface(surface), plane_value(plane))
-        add_observations(seen, graph, self._keys, factors)
+        add_observations(seen, is_planar(graph), self._keys, factors)
         own = factors.size()
         factors.push_back(update.factors)
         indices = self._solve(factors, values, update, anew)

@@ -43,11 +43,11 @@ def test_both_directions_are_alike() -> None:
     assert np.allclose(drift.between(1, 4, point), drift.between(4, 1, point))
 
 
-@pytest.mark.parametrize("at_middles", [False, True])
-def test_the_chain_is_that_of_gtsam(at_middles: bool) -> None:
+@pytest.mark.parametrize("at_aside", [False, True])
+def test_the_chain_is_that_of_gtsam(at_aside: bool) -> None:
     """The covariance is that of the pose of one keyframe as seen from the other, about it."""
     room, (one, two) = (rectangle(0, 0, 5, 4), (0, 0, 0.4)), (0, 23)
-    graph = visit_rooms([room] * 2, at_middles)
+    graph = visit_rooms([room] * 2, at_aside)
     keys = Keys()
     low = low_layers(graph, keys)
     marginals = gtsam.Marginals(low.graph, low.values)

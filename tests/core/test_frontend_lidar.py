@@ -113,6 +113,21 @@ def test_uneven_walls_err_as_their_sigmas_say() -> None:
     assert np.corrcoef(angles, distances)[0, 1] == pytest.approx(0.0, abs=0.05)
 
 
+def test_where_distance_and_angle_err_apart_when_points_are_denser_on_one_side() -> None:
+    config, errors = Extraction(), []
+    rng = np.random.default_rng(0)
+    reach = np.concatenate([np.linspace(-2, 0, 400), np.linspace(0.1, 4, 40)])
+    for _ in range(400):
+        points = np.column_stack([reach, 3.0 + rng.normal(0, 0.02, len(reach))])
+        found = uneven(extract_surfaces(Scan.flat(points), config), config, rng)
+        (plane,), (sigmas,), (at,) = found.planes, found.sigmas, found.at
+        assert plane[:2] @ at + plane[3] == pytest.approx(0, abs=1e-9)
+        errors.append([np.arctan2(plane[0], -plane[1]), at[1] - 3.0] / sigmas)
+    angles, distances = np.array(errors).T
+    assert [np.var(angles), np.var(distances)] == pytest.approx([1.0, 1.0], abs=0.2)
+    assert np.corrcoef(angles, distances)[0, 1] == pytest.approx(0.0, abs=0.12)
+
+
 def test_a_scan_without_walls_shows_no_surfaces() -> None:
     nothing = Cloud(np.linspace(-np.pi, np.pi, 8), np.array([0.0]), np.full((8, 1), np.nan), 0.6)
     assert len(extract_surfaces(upright_scan(nothing, Extraction()), Extraction())) == 0

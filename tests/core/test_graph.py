@@ -68,6 +68,8 @@ def test_values_of_the_wrong_shape_or_kind_are_named(graph: SGraph) -> None:
         graph.add_keyframe(5.5, LEVEL)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="must be the id of a wall surface"):
         graph.observe(99, 0, [0, 1, 0, 1], [0.01, 0.02])
+    with pytest.raises(InputError, match=r"at = .*must be finite"):
+        graph.observe(10, 0, [0, 1, 0, 1], [0.01, 0.02], [np.nan, 0, 0])
 
 
 def test_ordered_endpoints_do_not_depend_on_the_input_order() -> None:

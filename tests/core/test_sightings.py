@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from plans import rectangle
 from tracked import keyframes_of
+from visits import visit_rooms
 
 from sgraph_concepts.types import FloatArray
 from sgraph_core.backend import optimize
@@ -24,7 +26,7 @@ AXES = [0.0, np.pi / 2, np.pi, -np.pi / 2]
 
 
 def squared_error(
-    body: gtsam.Rot3, normal: FloatArray, at: FloatArray, error: tuple[float, float], level: bool
+    body: gtsam.Rot3, normal: FloatArray, at: FloatArray, error: tuple[float, float], planar: bool
 ) -> float:
     """Return the squared whitened error of a plane that was seen turned and shifted about a point.
 
@@ -33,7 +35,7 @@ def squared_error(
         normal: of the true plane in the world; it passes the point.
         at: the point, in the body frame.
         error: angle by which the plane is seen turned about the vertical, and distance.
-        level: as for :func:`plane_noise`.
+        planar: as for :func:`plane_noise`.
     """
     pose = gtsam.Pose3(body, np.array([3.0, -2.0, 0.5]))
     point, (angle, shift) = pose.transformFrom(at), error
@@ -42,7 +44,7 @@ def squared_error(
     values = gtsam.Values()
     values.insert(0, pose)
     values.insert(1, gtsam.OrientedPlane3(*normal, -normal @ point))
-    noise = plane_noise(measured, SIGMAS, at, level)
+    noise = plane_noise(measured, SIGMAS, at, planar)
     return 2 * gtsam.OrientedPlane3Factor(measured, noise, 0, 1).error(values)
 
 
@@ -88,6 +90,48 @@ def test_near_a_jump_a_tilted_body_loses_the_correlation_only() -> None:
 def test_at_the_origin_the_distance_is_d() -> None:
     noise = plane_noise(np.array([0.6, 0.8, 0.0, 2.0]), SIGMAS, np.zeros(3), True)
     assert noise.sigmas() == pytest.approx([0.01, 0.01, 0.02])
+
+
+def test_the_noise_is_exact_where_an_angle_is_unknown() -> None:
+    """One standard deviation of each component is a squared error of 3, however far the point."""
+    sigmas, at = np.array([1e5, 0.01]), np.array([60.0, 80.0, 0.0])
+    noise = plane_noise(np.array([0.6, -0.8, 0.0, 2.0]), sigmas, at, True)
+    along = at @ [-0.8, -0.6, 0.0]
+    assert noise.squaredMahalanobisDistance(
+        np.array([1e5, 1e5, 0.01 + 1e5 * along])
+    ) == pytest.approx(3)
+
+
+def corridor(tilt: float) -> SGraph:
+    """A drive between two walls along x, seen 10 m ahead: poses, angles and tilts err."""
+    rng, graph = np.random.default_rng(3), SGraph("corridor")
+    for number in range(6):
+        graph.add_keyframe(number, [number + rng.normal(0, 0.1), 0, 0, 0, 0, 0, 1])
+        if number:
+            graph.add_odometry(number - 1, number, [1, 0, 0, 0, 0, 0, 1], [0.05] * 6)
+    for side in (-1.0, 1.0):
+        graph.add_wall_surface(len(graph.wall_surfaces.ids), [[0, side], [20, side]], [0, -side])
+    for number in range(6):
+        for surface, side in enumerate((-1.0, 1.0)):
+            normal = np.array([rng.normal(0, 0.01), -side, rng.normal(0, tilt) if tilt else 0.0])
+            normal /= np.linalg.norm(normal)
+            at = np.array([10.0, side + rng.normal(0, 0.01), 0.0])
+            graph.observe(surface, number, [*normal, -normal @ at], [0.01, 0.01], at)
+    return graph
+
+
+@pytest.mark.parametrize("tilt", [0.0, 1e-4, 3e-3, 2e-2])
+def test_walls_along_the_axes_are_solved_tilted_or_not(tilt: float) -> None:
+    result = optimize(corridor(tilt))
+    assert result.final_error < 0.9 * result.initial_error
+    (one, two) = (result.graph.wall_surface(i) for i in (0, 1))
+    assert [one.normal[0], two.normal[0]] == pytest.approx([0, 0], abs=0.04 if tilt else 0.01)
+
+
+def test_a_consistent_map_takes_no_iterations_for_nothing() -> None:
+    """First guesses are turned off the axes, an error that no iteration need remove."""
+    graph = visit_rooms([(rectangle(0, 0, 5, 4), (0, 0, 0))] * 4, at_aside=True)
+    assert optimize(graph).iterations <= 10
 
 
 def in_batch(graph: SGraph) -> SGraph:

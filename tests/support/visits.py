@@ -17,13 +17,13 @@ SIGMAS = [1e-3, 1e-3, 0.01, 0.05, 0.05, 1e-3]
 
 
 def visit_rooms(
-    visits: Sequence[tuple[Sequence[Sequence[float]], Sequence[float]]], at_middles: bool = False
+    visits: Sequence[tuple[Sequence[Sequence[float]], Sequence[float]]], at_aside: bool = False
 ) -> SGraph:
     """Return the map of visits, each an outline (counter-clockwise) and its drift x, y, yaw.
 
     Each visit has three keyframes, which see all sides, and is a room of its own. Surfaces are
     numbered visit by visit, side by side. Odometry agrees with the drift, so the map is solved.
-    Distances err in the keyframes, or in the middles of the surfaces.
+    Distances err in the keyframes, or aside, some metres along the surfaces.
     """
     graph, rooms = SGraph("visits"), []
     for outline, drift in visits:
@@ -34,7 +34,7 @@ def visit_rooms(
                 _keyframe(graph, np.array([centre[0] + 0.3 * step, centre[1], 0.0]), drift)
             )
         members = [
-            _see(graph, corners[side], corners[(side + 1) % len(corners)], poses, drift, at_middles)
+            _see(graph, corners[side], corners[(side + 1) % len(corners)], poses, drift, at_aside)
             for side in range(len(corners))
         ]
         shape = NodeShape(tuple(centre), tuple(map(tuple, corners.tolist())))
@@ -62,7 +62,7 @@ def _see(
     end: Array,
     poses: Sequence[tuple[int, Array]],
     drift: Sequence[float],
-    at_middles: bool,
+    at_aside: bool,
 ) -> int:
     surface, moved = len(graph.wall_surfaces.ids), np.array(drift, float)
     along = (end - start) / np.linalg.norm(end - start)
@@ -72,6 +72,7 @@ def _see(
     graph.add_wall_surface(surface, ends, turned)
     for keyframe, true in poses:
         plane = [*normal, 0, float(normal @ (true[:2] - start))]
-        middle = np.append((start + end) / 2 - true[:2], 0.0) if at_middles else np.zeros(3)
-        graph.observe(surface, keyframe, plane, [0.01, 0.02], middle)
+        seen = start + (1.0 + surface + keyframe % 3) * along - true[:2]
+        at = np.append(seen, 0.0) if at_aside else np.zeros(3)
+        graph.observe(surface, keyframe, plane, [0.01, 0.02], at)
     return surface

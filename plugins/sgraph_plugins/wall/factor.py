@@ -18,7 +18,7 @@ from sgraph_core.backend.ties import TieNoise, tie_planes
 
 __all__ = ["factors", "known_thicknesses", "typical_thickness"]
 
-ANGLE_SIGMA_RAD = 0.01
+ANGLE_SIGMA_RAD = 0.02
 LEAST_SIGMA_M = 0.015
 OWN_SIGMA_M = 0.1
 """Of the thickness of a wall that is like no others."""
