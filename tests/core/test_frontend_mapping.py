@@ -178,6 +178,26 @@ def test_alignment_finds_the_pose_that_surfaces_show() -> None:
     assert unmatched == pytest.approx(predicted)
 
 
+def test_alignment_weighs_the_prediction_and_what_is_seen() -> None:
+    """A wall that is as uncertain as the prediction moves the pose half of the way to it."""
+    known = Lines(np.array([[[4, -1], [4, 1]]], float), np.array([[-1, 0]], float))
+    observed = ObservedSurfaces(
+        np.zeros((1, 2, 2)),
+        np.array([[-1.0, 0.0, 0.0, 3.9]]),
+        np.array([[0.1, 0.05]]),
+        np.array([[3.9, 2.0]]),
+        np.full((1, 2), np.nan),
+    )
+    found = aligned(np.zeros(3), np.array([0.05, 0.05, 1e-6]), observed, known, np.array([0]))
+    assert found == pytest.approx([0.05, 0, 0], abs=1e-6)
+
+
+def test_observations_hold_at_points_of_their_planes(recording: Recording) -> None:
+    seen = build_map(recording).graph.observations
+    assert (seen.at * seen.planes[:, :3]).sum(axis=1) + seen.planes[:, 3] == pytest.approx(0)
+    assert len(seen.at) == len(seen.planes) > 100
+
+
 def test_a_drive_that_saw_nothing_gives_a_map_without_surfaces(recording: Recording) -> None:
     nothing = ObservedSurfaces(
         *(np.empty((0, *shape)) for shape in ((2, 2), (4,), (2,), (2,), (2,)))
