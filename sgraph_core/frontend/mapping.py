@@ -21,7 +21,7 @@ from sgraph_core.frontend.recording import Recording
 from sgraph_core.frontend.truth import observed_sources, surface_sources, truth_of_map
 from sgraph_core.graph import SGraph
 
-__all__ = ["MappedDrive", "build_map", "seen_again"]
+__all__ = ["MappedDrive", "add_keyframes", "add_observed", "build_map", "seen_again"]
 
 FEWEST_KEYFRAMES = 2
 """That saw a surface of the map."""
@@ -88,28 +88,46 @@ def _graph(
     recording: Recording, poses: FloatArray, surfaces: Lines, associations: list[IntArray]
 ) -> SGraph:
     graph = SGraph(recording.name)
-    keyframes, observed = np.arange(len(recording)), recording.observations
-    graph.extend_keyframes(keyframes, as_rows(poses), recording.stamps)
-    graph.extend_odometry(
-        keyframes[:-1], keyframes[1:], recording.odometry, recording.odometry_sigmas
-    )
+    add_keyframes(graph, recording, as_rows(poses))
     mapped = np.concatenate(associations)
     kept = mapped != NONE
-    heights = np.concatenate([o.heights for o in observed])[kept]
+    heights = np.concatenate([o.heights for o in recording.observations])[kept]
     graph.extend_wall_surfaces(
         np.arange(len(surfaces)),
         surfaces.segments,
         surfaces.normals,
         _heights(heights, mapped[kept], len(surfaces)),
     )
+    add_observed(graph, recording, mapped)
+    return graph
+
+
+def add_keyframes(graph: SGraph, recording: Recording, poses: FloatArray) -> None:
+    """Add a recording's keyframes, with ids from 0, at given poses [K, 7], and its odometry."""
+    keyframes = np.arange(len(recording))
+    graph.extend_keyframes(keyframes, poses, recording.stamps)
+    graph.extend_odometry(
+        keyframes[:-1], keyframes[1:], recording.odometry, recording.odometry_sigmas
+    )
+
+
+def add_observed(graph: SGraph, recording: Recording, of: IntArray) -> None:
+    """Add what a recording's keyframes observed.
+
+    Args:
+        graph: has the keyframes and the surfaces.
+        recording: the drive.
+        of: id of the surface that each observed one is of, in the drive's order; NONE leaves it
+            out.
+    """
+    kept, observed = of != NONE, recording.observations
     graph.extend_observations(
-        mapped[kept],
-        np.repeat(keyframes, [len(o) for o in observed])[kept],
+        of[kept],
+        np.repeat(np.arange(len(recording)), [len(o) for o in observed])[kept],
         np.concatenate([o.planes for o in observed])[kept],
         np.concatenate([o.sigmas for o in observed])[kept],
         in_space(np.concatenate([o.at for o in observed])[kept]),
     )
-    return graph
 
 
 def _heights(seen: FloatArray, mapped: IntArray, count: int) -> FloatArray:

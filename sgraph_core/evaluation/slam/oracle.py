@@ -8,8 +8,8 @@ import numpy as np
 
 from sgraph_concepts.types import BuildingTruth, FloatArray, IntArray, SurfaceArrays
 from sgraph_core.frontend.association import NONE, seen_from_pose
-from sgraph_core.frontend.mapping import seen_again
-from sgraph_core.frontend.planar import from_rows, in_space
+from sgraph_core.frontend.mapping import add_keyframes, add_observed, seen_again
+from sgraph_core.frontend.planar import from_rows
 from sgraph_core.frontend.recording import Recording
 from sgraph_core.graph import SGraph, TrueRoom, Truth
 
@@ -28,27 +28,19 @@ def oracle_map(recording: Recording, true: SurfaceArrays, sources: Sequence[IntA
         sources: per keyframe the row in ``true`` of each observed surface; NONE if there is none.
     """
     graph = SGraph(recording.name)
-    keyframes, observed = np.arange(len(recording)), recording.observations
-    graph.extend_keyframes(keyframes, recording.reference, recording.stamps)
-    graph.extend_odometry(
-        keyframes[:-1], keyframes[1:], recording.odometry, recording.odometry_sigmas
-    )
+    add_keyframes(graph, recording, recording.reference)
     of = np.concatenate(sources)
     kept = (of != NONE) & seen_again(sources, len(true))[of]
     seen = [
         seen_from_pose(surfaces, pose).segments
-        for surfaces, pose in zip(observed, from_rows(recording.reference), strict=True)
+        for surfaces, pose in zip(
+            recording.observations, from_rows(recording.reference), strict=True
+        )
     ]
     ids = np.unique(of[kept])
     segments = _seen_stretches(true, ids, np.concatenate(seen)[kept], of[kept])
     graph.extend_wall_surfaces(ids, segments, true.normals[ids], np.full((len(ids), 2), np.nan))
-    graph.extend_observations(
-        of[kept],
-        np.repeat(keyframes, [len(surfaces) for surfaces in observed])[kept],
-        np.concatenate([surfaces.planes for surfaces in observed])[kept],
-        np.concatenate([surfaces.sigmas for surfaces in observed])[kept],
-        in_space(np.concatenate([surfaces.at for surfaces in observed])[kept]),
-    )
+    add_observed(graph, recording, np.where(kept, of, NONE))
     if recording.building is not None:
         graph.truth = _truth(recording.building, set(ids.tolist()))
     return graph
