@@ -87,7 +87,8 @@ def low_layers(
         values.insert(keys.surface(surface), plane_value(plane))
     renamed = np.array([surface for surface, _, _ in seen], np.int64)
     seen_as = replace(graph.observations, surface_ids=renamed)
-    add_observations(seen_as, is_planar(graph), keys, factors)
+    planar = is_planar(graph.keyframes, graph.odometry, graph.observations)
+    add_observations(seen_as, planar, keys, factors)
     observers: dict[int, list[int]] = {}
     for surface, _, row in sorted(seen):
         observers.setdefault(surface, []).append(row)

@@ -28,23 +28,22 @@ import numpy as np
 
 from sgraph_concepts.types import FloatArray
 from sgraph_core.backend.keys import Keys
-from sgraph_core.graph import SGraph
-from sgraph_core.tables import Observations
+from sgraph_core.tables import Keyframes, Observations, Odometry
 
 __all__ = ["add_observations", "is_planar", "plane_noise", "plane_value"]
 
 LEVEL = 1e-9
 """What is tilted by no more is level, in rad."""
-OFF_AXES = 1e-7
+OFF_AXES = 1e-8
 """By how much the first guess of a plane is turned off the axes, in rad."""
 CLEAR = 0.2
 """By how much a normal's two least components must differ, for it to be clear of a jump."""
 
 
-def is_planar(graph: SGraph) -> bool:
+def is_planar(keyframes: Keyframes, odometry: Odometry, observations: Observations) -> bool:
     """Return whether bodies are level, motions turn about the vertical, and planes are vertical."""
-    tilts = graph.keyframes.poses[:, 3:5], graph.odometry.poses[:, 3:5]
-    upright = (np.abs(graph.observations.planes[:, 2]) <= LEVEL).all()
+    tilts = keyframes.poses[:, 3:5], odometry.poses[:, 3:5]
+    upright = (np.abs(observations.planes[:, 2]) <= LEVEL).all()
     return bool(upright and all((np.abs(tilt) <= LEVEL / 2).all() for tilt in tilts))
 
 

@@ -40,6 +40,7 @@ class Smoother:
         self._keyframes = self._odometry = self._observations = 0
         self._connected: set[int] = set()
         self._surfaces: set[int] = set()
+        self._planar = True
 
     def check(self, graph: SGraph) -> None:
         """Check that odometry connects the new keyframes with the others.
@@ -79,8 +80,10 @@ class Smoother:
         add_poses(keyframes, self._keys, values)
         if not self._keyframes:
             factors.add(hold(int(keyframes.ids[0]), keyframes.poses[0], self._keys))
-        add_odometry(_since(graph.odometry, self._odometry), self._keys, factors)
+        motions = _since(graph.odometry, self._odometry)
+        add_odometry(motions, self._keys, factors)
         seen = _since(graph.observations, self._observations)
+        self._planar &= is_planar(keyframes, motions, seen)
         surfaces = sorted(set(seen.surface_ids.tolist()) - self._surfaces)
         rows = np.array([graph.surface_row(i) for i in surfaces], np.int64)
         planes = vertical_planes(
@@ -88,7 +91,7 @@ class Smoother:
         )
         for surface, plane in zip(surfaces, planes, strict=True):
             values.insert(self._keys.surface(surface), plane_value(plane))
-        add_observations(seen, is_planar(graph), self._keys, factors)
+        add_observations(seen, self._planar, self._keys, factors)
         own = factors.size()
         factors.push_back(update.factors)
         indices = self._solve(factors, values, update, anew)

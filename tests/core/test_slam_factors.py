@@ -311,4 +311,4 @@ def test_a_drive_is_consistent_with_itself() -> None:
         visit.enter(graph, before)
         before = visit
     low = low_layers(graph)
-    assert low.graph.error(low.values) == pytest.approx(0, abs=1e-6)  # guesses are off by 1e-7 rad
+    assert low.graph.error(low.values) == pytest.approx(0, abs=1e-9)
