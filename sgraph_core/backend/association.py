@@ -13,7 +13,7 @@ equal doors in a row each explains what is seen, and none is taken.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +22,10 @@ from scipy.special import chdtri
 from sgraph_concepts.errors import ConceptError
 from sgraph_concepts.types import FloatArray, IntArray, SurfaceArrays
 from sgraph_core.backend.coincidence import coincidence
+from sgraph_core.backend.corrections import REJECTION, Corrections, corrections_of, possible
 from sgraph_core.backend.drift import Drift
 from sgraph_core.backend.visits import Visits
-from sgraph_core.geometry import cross, dot
+from sgraph_core.backend.votes import MOST_SUPPORT_M, Votes, votes_of_pairs, votes_of_rows
 from sgraph_core.graph import SGraph
 
 __all__ = ["Association", "Proposal", "Same", "associate"]
@@ -36,22 +37,12 @@ MORE_DRIFT = 1.5
 DRIFT_SHARE, DRIFT_RAD_PER_M = 0.01, np.radians(0.02)
 """Drift that is not noise, such as of a wall taken for another, per metre of the way."""
 LEAST_DRIFT_M, LEAST_DRIFT_RAD = 0.1, np.radians(1.0)
-REJECTION = 1e-2
 WINDOW = 20
 """Keyframes that see the older map again together: short enough to be rigid."""
 DOUBT = 30
 """Keyframes around a correction within which the front end's own recognitions are doubted."""
-NOISE_RAD, NOISE_M = 0.03, 0.06
-"""How well a correction must explain a pair, as standard deviations."""
-END_M = 0.03
-"""Error of a surface's ends across it: the direction of short surfaces is uncertain."""
-LEAST_OVERLAP_M = 0.3
-PARALLEL = np.sin(np.radians(30.0))
-FEWEST = 3
 FEWEST_NEW = 2
-"""Surfaces that must support a correction; those mapped anew, if it moves them far."""
-MOST_SUPPORT_M = 2.0
-"""What one surface adds to a correction's support: its length, up to this."""
+"""Surfaces mapped anew that must support a correction that moves them far."""
 LEAST_SUPPORT_M = 5.0
 EXPLAINED = 0.7
 """Share of what a window saw, and what might be known, that its correction must explain."""
@@ -67,7 +58,6 @@ SURE = 1 / 3
 """Share of the shift to a place that looks alike: a shorter correction is surely no such shift."""
 REPEAT_M = 8.0
 """How far away another place may look like the one that was recognised."""
-MOST_SEEDS = 40
 
 
 @dataclass(frozen=True)
@@ -131,7 +121,7 @@ def associate(
     who = _candidates(proposals, visits, {frozenset(same.pair) for same in known.same})
     if not who:
         return Association()
-    votes = _votes(graph, list(who), visits, set(known.doubted))
+    votes = votes_of_pairs(graph, list(who), visits, set(known.doubted))
     drift = Drift(graph)
     elections = [
         election
@@ -160,7 +150,7 @@ def _surest(elections: Sequence[_Election]) -> list[_Election]:
     return taken
 
 
-def _doubted(votes: _Votes, first: int) -> list[tuple[int, int]]:
+def _doubted(votes: Votes, first: int) -> list[tuple[int, int]]:
     """Return what the front end recognised around a window: surfaces and beginnings of visits."""
     near = votes.within(first - DOUBT, first + WINDOW + DOUBT)
     near = near.take(near.held)
@@ -183,79 +173,6 @@ def _candidates(
     return who
 
 
-@dataclass(frozen=True, eq=False)
-class _Votes:
-    """P pairs of surfaces that may be one.
-
-    Attributes:
-        pairs: ids of the older and the newer surface, [P, 2].
-        visits: rows of the first and the last keyframe of the visit to the newer one, [P, 2].
-        held: whether the front end itself recognised the surface: both are the same, [P].
-        points: where the surfaces lie side by side, [P, 2].
-        normals: of the older surface, [P, 2].
-        innovations: heading and offset of the older surface less those of the newer one, [P, 2].
-        sigmas: how well a correction must explain them, [P, 2].
-        segments: of both surfaces, [P, 2, 2, 2].
-    """
-
-    pairs: IntArray
-    visits: IntArray
-    held: NDArray[np.bool_]
-    points: FloatArray
-    normals: FloatArray
-    innovations: FloatArray
-    sigmas: FloatArray
-    segments: FloatArray
-
-    def within(self, first: int, last: int) -> _Votes:
-        """Return what the keyframes from one to before another saw."""
-        return self.take((self.visits[:, 1] >= first) & (self.visits[:, 0] < last))
-
-    def take(self, rows: NDArray[np.bool_]) -> _Votes:
-        return _Votes(
-            self.pairs[rows],
-            self.visits[rows],
-            self.held[rows],
-            self.points[rows],
-            self.normals[rows],
-            self.innovations[rows],
-            self.sigmas[rows],
-            self.segments[rows],
-        )
-
-
-def _votes(
-    graph: SGraph,
-    pairs: Sequence[tuple[int, int]],
-    visits: Visits,
-    apart: set[tuple[int, int]],
-) -> _Votes:
-    held = [(i, visit) for i, visit in visits.returns() if (i, visit[0]) not in apart]
-    ids = np.array([*pairs, *((i, i) for i, _ in held)], np.int64).reshape(-1, 2)
-    spans = [visits.first_visit(newer) for _, newer in pairs] + [visit for _, visit in held]
-    surfaces = graph.wall_surfaces.ordered()
-    one, two = (np.array([graph.surface_row(i) for i in side], np.int64) for side in ids.T.tolist())
-    return replace(
-        _pairs_of_rows(surfaces, one, two), held=one == two, visits=np.array(spans, np.int64)
-    )
-
-
-def _pairs_of_rows(surfaces: SurfaceArrays, one: IntArray, two: IntArray) -> _Votes:
-    """Return pairs of surfaces, by rows, as votes of no time."""
-    lie = coincidence(surfaces, one, two)
-    angle = np.hypot(NOISE_RAD, END_M / np.minimum(surfaces.lengths[one], surfaces.lengths[two]))
-    return _Votes(
-        surfaces.ids[np.stack([one, two], axis=1)],
-        np.zeros((len(one), 2), np.int64),
-        np.zeros(len(one), bool),
-        lie.points,
-        surfaces.normals[one],
-        np.stack([lie.angles, lie.gaps], axis=1),
-        np.stack([angle, np.full(len(one), NOISE_M)], axis=1),
-        surfaces.segments[np.stack([one, two], axis=1)],
-    )
-
-
 def _spread(
     between: Sequence[tuple[int, int]], visits: Visits, drift: Drift, centre: FloatArray
 ) -> FloatArray:
@@ -275,19 +192,6 @@ def _spread(
 
 
 @dataclass(frozen=True, eq=False)
-class _Corrections:
-    """C rigid corrections of a window: angle, x, y about its centre.
-
-    Attributes:
-        moves: [C, 3].
-        support: which pairs each explains, [C, P].
-    """
-
-    moves: FloatArray
-    support: NDArray[np.bool_]
-
-
-@dataclass(frozen=True, eq=False)
 class _Election:
     """A correction of a window that was accepted.
 
@@ -300,7 +204,7 @@ class _Election:
     """
 
     first: int
-    window: _Votes
+    window: Votes
     chosen: NDArray[np.bool_]
     move: FloatArray
     weight: float
@@ -311,29 +215,29 @@ class _Election:
         return bool((np.abs(self.move) > [OTHER_RAD, OTHER_M, OTHER_M]).any())
 
 
-def _elect(window: _Votes, visits: Visits, drift: Drift, first: int) -> _Election | None:
+def _elect(window: Votes, visits: Visits, drift: Drift, first: int) -> _Election | None:
     """Return the best supported correction of a window; None where none is beyond doubt."""
-    if window.held.all() or len(window.pairs) < FEWEST:
+    if window.held.all():
         return None
     centre = window.points.mean(axis=0)
     times = zip(window.pairs[:, 0].tolist(), window.visits[:, 0].tolist(), strict=True)
     between = [(visits.last_before(older, time), time) for older, time in times]
     spread = _spread(between, visits, drift, centre)
-    everything = _weights(window, np.ones((1, len(window.pairs)), bool))[0]
-    window = window.take(window.held | _possible(window, spread, centre))
+    everything = window.weights(np.ones((1, len(window.pairs)), bool))[0]
+    window = window.take(window.held | possible(window, spread, centre))
     if window.held.all():
         return None
-    corrections = _corrections(window, spread, centre)
+    corrections = corrections_of(window, spread, centre)
     if not len(corrections.moves):
         return None
-    weights = _weights(window, corrections.support)
+    weights = window.weights(corrections.support)
     shifts = np.linalg.norm(corrections.moves[:, 1:], axis=1)
     best = int(np.lexsort((shifts, -weights.round(6)))[0])
     torn = window.held & ~corrections.support[best]
     apart = np.abs(corrections.moves - corrections.moves[best])
     elsewhere = (apart > [OTHER_RAD, ELSEWHERE_M, ELSEWHERE_M]).any(axis=1)
     as_likely = elsewhere & (SURE * shifts <= shifts[best])
-    against = max(weights[as_likely].max(initial=0.0), _weights(window, torn[None])[0])
+    against = max(weights[as_likely].max(initial=0.0), window.weights(torn[None])[0])
     if weights[best] < max(LEAST_SUPPORT_M, EXPLAINED * everything):
         return None
     if against >= RIVAL * weights[best]:
@@ -344,14 +248,6 @@ def _elect(window: _Votes, visits: Visits, drift: Drift, first: int) -> _Electio
     election = _Election(first, window, chosen, corrections.moves[best], float(weights[best]))
     anew = np.unique(window.pairs[chosen & ~window.held, 1])
     return None if len(anew) < (FEWEST_NEW if election.moves else 1) else election
-
-
-def _possible(window: _Votes, spread: FloatArray, centre: FloatArray) -> NDArray[np.bool_]:
-    """Return which pairs the drift explains, each for itself, [P]."""
-    design = _design(window, centre)
-    variance = np.einsum("pij,jk,pik->pi", design, spread, design) + window.sigmas**2
-    likely = window.innovations**2 / variance
-    return np.asarray((likely <= chdtri(1, REJECTION / 10)).all(axis=1))
 
 
 def _distinct(graph: SGraph, election: _Election, visits: Visits, drift: Drift) -> bool:
@@ -379,11 +275,11 @@ def _distinct(graph: SGraph, election: _Election, visits: Visits, drift: Drift) 
     like &= lie.overlaps >= -REPEAT_M
     if not like.any():
         return True
-    place = _pairs_of_rows(surfaces, one[like], two[like])
+    place = votes_of_rows(surfaces, one[like], two[like])
     around = np.diag(np.array([OTHER_RAD, REPEAT_M, REPEAT_M]) / 3) ** 2
-    repeats = _corrections(place, around, place.points.mean(axis=0))
+    repeats = corrections_of(place, around, place.points.mean(axis=0))
     lengths = np.linalg.norm(repeats.moves[:, 1:], axis=1)
-    alike = _weights(place, repeats.support) >= ALIKE * _own(surfaces, mine)
+    alike = place.weights(repeats.support) >= ALIKE * _own(surfaces, mine)
     nearest = float(np.linalg.norm(election.move[1:])) / SURE
     return not any(
         OTHER_M < lengths[k] <= nearest and not _may_be_drift(place, repeats, k, visits, drift)
@@ -391,9 +287,7 @@ def _distinct(graph: SGraph, election: _Election, visits: Visits, drift: Drift) 
     )
 
 
-def _may_be_drift(
-    place: _Votes, repeats: _Corrections, k: int, visits: Visits, drift: Drift
-) -> bool:
+def _may_be_drift(place: Votes, repeats: Corrections, k: int, visits: Visits, drift: Drift) -> bool:
     """Return whether a place may repeat because it was mapped twice, with drift between."""
     between = [
         (min(visits.first(one), visits.first(two)), max(visits.first(one), visits.first(two)))
@@ -406,92 +300,3 @@ def _may_be_drift(
 
 def _own(surfaces: SurfaceArrays, rows: IntArray) -> float:
     return float(np.minimum(surfaces.lengths[rows], MOST_SUPPORT_M).sum())
-
-
-def _weights(window: _Votes, support: NDArray[np.bool_]) -> FloatArray:
-    """Return the metres of wall that support corrections, each newer surface counted once, [C]."""
-    ends = window.segments[:, 1]
-    lengths = np.minimum(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), MOST_SUPPORT_M)
-    _, first, group = np.unique(window.pairs[:, 1], return_index=True, return_inverse=True)
-    return np.asarray(_of_groups(support, group) @ lengths[first])
-
-
-def _of_groups(support: NDArray[np.bool_], group: IntArray) -> NDArray[np.bool_]:
-    """Return which groups of pairs have one that supports each correction, [C, groups]."""
-    member = group[:, None] == np.arange(group.max(initial=-1) + 1)
-    return np.asarray(support.astype(np.float64) @ member > 0)
-
-
-def _corrections(window: _Votes, spread: FloatArray, centre: FloatArray) -> _Corrections:
-    """Return the corrections about a centre that two pairs fix and several surfaces support."""
-    design = _design(window, centre) / window.sigmas[:, :, None]
-    target = window.innovations / window.sigmas
-    crossing = np.abs(cross(window.normals[:, None], window.normals[None])) > PARALLEL
-    some = _some(window)
-    one, two = (some[side] for side in np.triu_indices(len(some), k=1))
-    seeds = crossing[one, two]
-    support = np.zeros((int(seeds.sum()), len(window.pairs)), bool)
-    rows, expected = np.arange(len(support)), np.asarray(np.linalg.inv(spread), np.float64)
-    support[rows, one[seeds]] = support[rows, two[seeds]] = True
-
-    def explained(support: NDArray[np.bool_]) -> tuple[FloatArray, NDArray[np.bool_]]:
-        moves = _fit(design, target, support, expected)
-        likely = np.einsum("ci,ij,cj->c", moves, expected, moves) <= chdtri(3, REJECTION)
-        moves = moves[likely]
-        left = (target.ravel() - moves @ design.reshape(-1, 3).T) ** 2
-        close = left[:, ::2] + left[:, 1::2] <= chdtri(2, REJECTION)
-        return moves, close & _side_by_side(window, moves, centre)
-
-    moves, support = explained(_each_once(explained(support)[1]))
-    _, group = np.unique(window.pairs[:, 1], return_inverse=True)
-    spans = ((support.astype(np.float64) @ crossing > 0) & support).any(axis=1)
-    spans &= _of_groups(support, group).sum(axis=1) >= FEWEST
-    spans &= (support & ~window.held).any(axis=1)
-    return _Corrections(moves[spans], support[spans])
-
-
-def _some(window: _Votes) -> IntArray:
-    """Return at most MOST_SEEDS of the pairs, drawn evenly from the proposed ones first."""
-    proposed = np.flatnonzero(~window.held)
-    drawn = np.random.default_rng(0).permutation(proposed)[:MOST_SEEDS]
-    return np.append(np.sort(drawn), np.flatnonzero(window.held)[: MOST_SEEDS - len(drawn)])
-
-
-def _each_once(support: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the different ones of corrections' supports, in their order, [C, P]."""
-    _, first = np.unique(np.packbits(support, axis=1), axis=0, return_index=True)
-    return support[np.sort(first)]
-
-
-def _design(window: _Votes, centre: FloatArray) -> FloatArray:
-    """Return how innovations follow from a correction of the newer side, [P, 2, 3]."""
-    normals, arms = window.normals, window.points - centre
-    design = np.zeros((len(normals), 2, 3))
-    design[:, 0, 0] = 1.0
-    design[:, 1, 0] = -cross(arms, normals)
-    design[:, 1, 1:] = -normals
-    return design
-
-
-def _fit(
-    design: FloatArray, target: FloatArray, support: NDArray[np.bool_], expected: FloatArray
-) -> FloatArray:
-    """Return the least-squares corrections of supporting pairs and of the drift model, [C, 3]."""
-    weights = support.astype(np.float64)
-    squares = np.einsum("pij,pik->pjk", design, design).reshape(-1, 9)
-    normal = (weights @ squares).reshape(-1, 3, 3) + expected
-    right = weights @ np.einsum("pij,pi->pj", design, target)
-    return np.asarray(np.linalg.solve(normal, right[:, :, None])[:, :, 0])
-
-
-def _side_by_side(window: _Votes, moves: FloatArray, centre: FloatArray) -> NDArray[np.bool_]:
-    """Return which pairs overlap once the newer surface is moved, [C, P]."""
-    tangents = np.stack([-window.normals[:, 1], window.normals[:, 0]], axis=1)
-    ends = np.sort(dot(window.segments, tangents[:, None, None]), axis=2)
-    (old_low, old_high), (new_low, new_high) = ends.transpose(1, 2, 0)
-    arms = window.segments[:, 1].mean(axis=1) - centre
-    turned = np.stack([-arms[:, 1], arms[:, 0]], axis=1)
-    shifts = moves @ np.column_stack([dot(turned, tangents), tangents]).T
-    long = np.minimum(old_high - old_low, new_high - new_low) >= LEAST_OVERLAP_M
-    reaches = shifts >= old_low + LEAST_OVERLAP_M - new_high
-    return np.asarray(long & reaches & (shifts <= old_high - LEAST_OVERLAP_M - new_low))
