@@ -5,9 +5,10 @@ what the map believes of its own accuracy is wrong where the front end matched a
 pairs vote. All that a short stretch of the drive saw must move onto the older map by one rigid
 correction that the drift between may explain. Two pairs that are not parallel fix a correction;
 every pair that it explains supports it, and so does every surface that the front end recognised
-itself and that the correction leaves in place. A correction is accepted when enough walls support
-it, and when neither another correction nor what it would tear apart has nearly as much support: of
-equal doors in a row each explains what is seen, and none is taken.
+itself and that the correction leaves in place. A correction that puts walls where keyframes looked
+through is wrong, whatever supports it. One that does not is accepted when enough walls support it,
+and when neither another one nor what it would tear apart has nearly as much support: of equal doors
+in a row each explains what is seen, and none is taken.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
@@ -24,8 +26,10 @@ from sgraph_concepts.types import FloatArray, IntArray, SurfaceArrays
 from sgraph_core.backend.coincidence import coincidence
 from sgraph_core.backend.corrections import REJECTION, Corrections, corrections_of, possible
 from sgraph_core.backend.drift import Drift
+from sgraph_core.backend.sight_lines import SightLines
 from sgraph_core.backend.visits import Visits
 from sgraph_core.backend.votes import MOST_SUPPORT_M, Votes, votes_of_pairs, votes_of_rows
+from sgraph_core.geometry import boxes_of, lines_of
 from sgraph_core.graph import SGraph
 
 __all__ = ["Association", "Proposal", "Same", "associate"]
@@ -44,8 +48,10 @@ DOUBT = 30
 FEWEST_NEW = 2
 """Surfaces mapped anew that must support a correction that moves them far."""
 LEAST_SUPPORT_M = 5.0
-EXPLAINED = 0.7
+EXPLAINED = 0.4
 """Share of what a window saw, and what might be known, that its correction must explain."""
+BLOCKED = 0.03
+"""Share of the lines of sight that a right correction may block: doors close, people stand."""
 RIVAL = 0.7
 """A rival with this share of the best one's support makes both ambiguous."""
 OTHER_M, OTHER_RAD = 0.3, np.radians(8.0)
@@ -122,17 +128,16 @@ def associate(
     if not who:
         return Association()
     votes = votes_of_pairs(graph, list(who), visits, set(known.doubted))
-    drift = Drift(graph)
+    drive = _Drive(graph, visits, Drift(graph), SightLines(graph))
     elections = [
         election
         for first in range(0, len(graph.keyframes.ids), WINDOW // 2)
-        if (election := _elect(votes.within(first, first + WINDOW), visits, drift, first))
-        is not None
+        if (election := _elect(votes.within(first, first + WINDOW), first, drive)) is not None
     ]
     found = Association()
     for election in _surest(elections):
         window = election.window
-        if election.moves and not _distinct(graph, election, visits, drift):
+        if election.moves and not _distinct(election, drive):
             continue
         pairs = window.pairs[election.chosen & ~window.held].tolist()
         same = [Same(who[a, b].concept, who[a, b].node, (a, b)) for a, b in pairs]
@@ -173,22 +178,28 @@ def _candidates(
     return who
 
 
-def _spread(
-    between: Sequence[tuple[int, int]], visits: Visits, drift: Drift, centre: FloatArray
-) -> FloatArray:
-    """Return the covariance of a correction about a point: angle, x and y, [3, 3].
+@dataclass(frozen=True, eq=False)
+class _Drive:
+    """What is known of a drive, whatever is proposed."""
 
-    Args:
-        between: rows of the two keyframes that what is corrected lies between, for each pair.
-        visits: knows the ways.
-        drift: of the drive.
-        centre: the point.
-    """
-    typical = sorted(between, key=lambda rows: visits.way(*rows))[len(between) // 2]
-    way = visits.way(*typical)
-    shift = LEAST_DRIFT_M + DRIFT_SHARE * way
-    other = np.array([LEAST_DRIFT_RAD + DRIFT_RAD_PER_M * way, shift, shift])
-    return np.asarray(np.diag(other**2) + MORE_DRIFT**2 * drift.between(*typical, centre))
+    graph: SGraph
+    visits: Visits
+    drift: Drift
+    sights: SightLines
+
+    def spread(self, between: Sequence[tuple[int, int]], centre: FloatArray) -> FloatArray:
+        """Return the covariance of a correction about a point: angle, x and y, [3, 3].
+
+        Args:
+            between: rows of the two keyframes that what is corrected lies between, for each pair.
+            centre: the point.
+        """
+        typical = sorted(between, key=lambda rows: self.visits.way(*rows))[len(between) // 2]
+        way = self.visits.way(*typical)
+        shift = LEAST_DRIFT_M + DRIFT_SHARE * way
+        other = np.array([LEAST_DRIFT_RAD + DRIFT_RAD_PER_M * way, shift, shift])
+        drifted = self.drift.between(*typical, centre)
+        return np.asarray(np.diag(other**2) + MORE_DRIFT**2 * drifted)
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,45 +223,57 @@ class _Election:
     @property
     def moves(self) -> bool:
         """Whether the window moves by more than a front end's gate may have missed."""
-        return bool((np.abs(self.move) > [OTHER_RAD, OTHER_M, OTHER_M]).any())
+        return bool(_differ(self.move))
 
 
-def _elect(window: Votes, visits: Visits, drift: Drift, first: int) -> _Election | None:
+def _differ(moves: FloatArray, shift_m: float = OTHER_M) -> NDArray[np.bool_]:
+    """Return which differences of corrections, [..., 3], are such that these are not the same."""
+    return np.asarray((np.abs(moves) > [OTHER_RAD, shift_m, shift_m]).any(axis=-1))
+
+
+def _elect(window: Votes, first: int, drive: _Drive) -> _Election | None:
     """Return the best supported correction of a window; None where none is beyond doubt."""
     if window.held.all():
         return None
     centre = window.points.mean(axis=0)
     times = zip(window.pairs[:, 0].tolist(), window.visits[:, 0].tolist(), strict=True)
-    between = [(visits.last_before(older, time), time) for older, time in times]
-    spread = _spread(between, visits, drift, centre)
+    spread = drive.spread(
+        [(drive.visits.last_before(older, time), time) for older, time in times], centre
+    )
     everything = window.weights(np.ones((1, len(window.pairs)), bool))[0]
     window = window.take(window.held | possible(window, spread, centre))
     if window.held.all():
         return None
     corrections = corrections_of(window, spread, centre)
-    if not len(corrections.moves):
+    moves = corrections.moves
+    # a window that moves takes with it what it saw for the first time
+    support = corrections.support & ~(_differ(moves)[:, None] & (window.since >= first))
+    weights, shifts = window.weights(support), np.linalg.norm(moves[:, 1:], axis=1)
+
+    def is_free(k: int) -> bool:
+        return drive.sights.blocked(first, first + WINDOW, moves[k], centre) <= BLOCKED
+
+    enough = weights >= max(LEAST_SUPPORT_M, EXPLAINED * everything)
+    order = np.lexsort((shifts, -weights.round(6)))
+    best = next((k for k in order[enough[order]].tolist() if is_free(k)), None)
+    if best is None:
         return None
-    weights = window.weights(corrections.support)
-    shifts = np.linalg.norm(corrections.moves[:, 1:], axis=1)
-    best = int(np.lexsort((shifts, -weights.round(6)))[0])
-    torn = window.held & ~corrections.support[best]
-    apart = np.abs(corrections.moves - corrections.moves[best])
-    elsewhere = (apart > [OTHER_RAD, ELSEWHERE_M, ELSEWHERE_M]).any(axis=1)
-    as_likely = elsewhere & (SURE * shifts <= shifts[best])
-    against = max(weights[as_likely].max(initial=0.0), window.weights(torn[None])[0])
-    if weights[best] < max(LEAST_SUPPORT_M, EXPLAINED * everything):
+    torn = window.held & ~support[best]
+    if window.weights(torn[None])[0] >= RIVAL * weights[best]:
         return None
-    if against >= RIVAL * weights[best]:
+    rivals = _differ(moves - moves[best]) & (weights >= RIVAL * weights[best])
+    elsewhere = _differ(moves - moves[best], ELSEWHERE_M)
+    as_likely = rivals & elsewhere & (SURE * shifts <= shifts[best])
+    if any(is_free(k) for k in np.flatnonzero(as_likely).tolist()):
         return None
-    differs = (apart > [OTHER_RAD, OTHER_M, OTHER_M]).any(axis=1)
-    rivals = differs & ~elsewhere & (weights >= RIVAL * weights[best])
-    chosen = corrections.support[best] & corrections.support[rivals].all(axis=0)
-    election = _Election(first, window, chosen, corrections.moves[best], float(weights[best]))
+    beside = [k for k in np.flatnonzero(rivals & ~elsewhere).tolist() if is_free(k)]
+    chosen = support[best] & support[beside].all(axis=0)
+    election = _Election(first, window, chosen, moves[best], float(weights[best]))
     anew = np.unique(window.pairs[chosen & ~window.held, 1])
     return None if len(anew) < (FEWEST_NEW if election.moves else 1) else election
 
 
-def _distinct(graph: SGraph, election: _Election, visits: Visits, drift: Drift) -> bool:
+def _distinct(election: _Election, drive: _Drive) -> bool:
     """Return whether no other place near by looks like the one that was recognised.
 
     The surfaces that were recognised are matched with the rest of the older map, like a visit that
@@ -259,17 +282,14 @@ def _distinct(graph: SGraph, election: _Election, visits: Visits, drift: Drift) 
     tells a copy from the next room.
     """
     known = np.unique(election.window.pairs[election.chosen, 0])
+    graph, visits = drive.graph, drive.visits
     surfaces = graph.wall_surfaces.ordered()
     mine = np.array([graph.surface_row(i) for i in known.tolist()], np.int64)
-    older = np.array(
-        [
-            graph.surface_row(i)
-            for i in graph.observations.surface_ids
-            if visits.first(int(i)) < election.first
-        ],
-        np.int64,
-    )
-    one, two = (side.ravel() for side in np.meshgrid(np.unique(older), mine, indexing="ij"))
+    near = boxes_of(surfaces.segments[mine].reshape(1, -1, 2), np.sqrt(2) * REPEAT_M)
+    rows = shapely.STRtree(lines_of(surfaces.segments)).query(near[0])
+    ids = surfaces.ids[rows].tolist()
+    older = [i in visits and visits.first(i) < election.first for i in ids]
+    one, two = (side.ravel() for side in np.meshgrid(np.sort(rows[older]), mine, indexing="ij"))
     lie = coincidence(surfaces, one, two)
     like = (one != two) & (np.abs(lie.gaps) <= REPEAT_M) & (np.abs(lie.angles) <= OTHER_RAD)
     like &= lie.overlaps >= -REPEAT_M
@@ -282,18 +302,19 @@ def _distinct(graph: SGraph, election: _Election, visits: Visits, drift: Drift) 
     alike = place.weights(repeats.support) >= ALIKE * _own(surfaces, mine)
     nearest = float(np.linalg.norm(election.move[1:])) / SURE
     return not any(
-        OTHER_M < lengths[k] <= nearest and not _may_be_drift(place, repeats, k, visits, drift)
+        OTHER_M < lengths[k] <= nearest and not _may_be_drift(place, repeats, k, drive)
         for k in np.flatnonzero(alike).tolist()
     )
 
 
-def _may_be_drift(place: Votes, repeats: Corrections, k: int, visits: Visits, drift: Drift) -> bool:
+def _may_be_drift(place: Votes, repeats: Corrections, k: int, drive: _Drive) -> bool:
     """Return whether a place may repeat because it was mapped twice, with drift between."""
+    visits = drive.visits
     between = [
         (min(visits.first(one), visits.first(two)), max(visits.first(one), visits.first(two)))
         for one, two in place.pairs[repeats.support[k]].tolist()
     ]
-    spread = _spread(between, visits, drift, place.points.mean(axis=0))
+    spread = drive.spread(between, place.points.mean(axis=0))
     move = repeats.moves[k]
     return bool(move @ np.linalg.inv(spread) @ move <= chdtri(3, REJECTION))
 

@@ -24,7 +24,7 @@ from sgraph_core.backend.coincidence import coincidence
 __all__ = ["factors"]
 
 SAME_ANGLE_RAD = np.radians(20.0)
-FARTHEST_M = 3.0
+FARTHEST_M = 5.0
 """Beyond this distance a surface that faces the same way may well be another room's."""
 
 

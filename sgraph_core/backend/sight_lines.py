@@ -1,0 +1,113 @@
+"""What keyframes saw through: a corrected map must not put walls there.
+
+A keyframe that saw a surface had a free view of it. Where a correction is right, the window that it
+moves sees past the older walls, and older keyframes see past those that the window mapped. Where it
+is wrong, many of these lines of sight are blocked, even if walls fit onto walls.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+
+from sgraph_concepts.types import FloatArray
+from sgraph_core.backend.visits import AWAY
+from sgraph_core.geometry import dot, lines_of
+from sgraph_core.graph import SGraph
+from sgraph_core.tables import turned
+
+__all__ = ["SightLines"]
+
+CLEAR_M = 0.3
+"""How far lines of sight end in front of what they show."""
+LOOSE_M = 0.2
+"""What a surface loses at each end: lines of sight pass its ends closely, and it may be inexact."""
+
+
+class SightLines:
+    """The lines of sight of an S-Graph's observations, seen from above.
+
+    A line leads from a keyframe to the point of the surface that is nearest to the observation's
+    point ``at``. Heights are not looked at: what is mapped is taken to block all that crosses it.
+
+    Args:
+        graph: an S-Graph whose low layers are solved.
+    """
+
+    def __init__(self, graph: SGraph) -> None:
+        table, surfaces = graph.observations, graph.wall_surfaces.ordered()
+        rows = np.array([graph.keyframe_row(i) for i in table.keyframe_ids.tolist()], np.int64)
+        order = np.argsort(rows, kind="stable")
+        self._rows = rows[order]
+        self._of = np.array([graph.surface_row(i) for i in table.surface_ids[order].tolist()])
+        self._since = np.full(len(surfaces), len(graph.keyframes.ids))
+        np.minimum.at(self._since, self._of, self._rows)
+        poses = graph.keyframes.poses[self._rows]
+        at = (poses[:, :3] + turned(table.at[order], poses[:, 3:]))[:, :2]
+        self._lines = _cleared(poses[:, :2], _nearest(surfaces.segments[self._of], at))
+        half = surfaces.tangents * (surfaces.lengths / 2 - LOOSE_M)[:, None]
+        self._walls = np.stack([surfaces.midpoints - half, surfaces.midpoints + half], axis=1)
+        self._solid = surfaces.lengths > 2 * LOOSE_M
+
+    def blocked(self, first: int, last: int, move: FloatArray, centre: FloatArray) -> float:
+        """Return which share of the lines of sight about a window its correction blocks.
+
+        These are the window's own, which the walls mapped long before it may block, and all of long
+        before that come to the box around the walls that the window mapped.
+
+        Args:
+            first: row of the window's first keyframe.
+            last: row of the first keyframe after it.
+            move: the correction: angle, x and y; see
+                :class:`sgraph_core.backend.corrections.Corrections`.
+            centre: about which it turns, [2].
+        """
+        long_before, start, end = np.searchsorted(self._rows, [first - AWAY, first, last]).tolist()
+        seen = np.zeros(len(self._since), bool)
+        seen[self._of[start:end]] = True
+        known = self._since < first - AWAY
+        lines = _moved(self._lines[start:end], move, centre)
+        walls = _moved(self._walls[self._solid & seen & ~known], move, centre)
+        older = _meeting(self._lines[:long_before], walls)
+        blocked = _crossing(lines, _meeting(self._walls[self._solid & known & ~seen], lines))
+        return (blocked + _crossing(older, walls)) / max(len(lines) + len(older), 1)
+
+
+def _nearest(segments: FloatArray, points: FloatArray) -> FloatArray:
+    """Return the point of each segment that is nearest to a point, [N, 2]."""
+    along = segments[:, 1] - segments[:, 0]
+    shares = dot(points - segments[:, 0], along) / dot(along, along)
+    return np.asarray(segments[:, 0] + np.clip(shares, 0, 1)[:, None] * along)
+
+
+def _cleared(eyes: FloatArray, points: FloatArray) -> FloatArray:
+    """Return lines of sight that end in front of what they show, [N, 2, 2]."""
+    views = points - eyes
+    ranges = np.linalg.norm(views, axis=1)
+    shares = np.maximum(ranges - CLEAR_M, 0) / np.maximum(ranges, CLEAR_M)
+    return np.stack([eyes, eyes + shares[:, None] * views], axis=1)
+
+
+def _moved(segments: FloatArray, move: FloatArray, centre: FloatArray) -> FloatArray:
+    arms = segments - centre
+    return np.asarray(
+        segments + move[1:] + move[0] * np.stack([-arms[..., 1], arms[..., 0]], axis=-1)
+    )
+
+
+def _meeting(segments: FloatArray, others: FloatArray) -> FloatArray:
+    """Return the segments of which the boxes meet the box around all others."""
+    if not len(others):
+        return segments[:0]
+    low, high = others.min(axis=(0, 1)), others.max(axis=(0, 1))
+    one, two = segments[:, 0], segments[:, 1]
+    meets = (np.minimum(one, two) <= high) & (np.maximum(one, two) >= low)
+    return np.asarray(segments[meets.all(axis=1)])
+
+
+def _crossing(lines: FloatArray, walls: FloatArray) -> int:
+    """Return how many lines cross a wall."""
+    if not len(lines) or not len(walls):
+        return 0
+    tree = shapely.STRtree(lines_of(walls))
+    return len(np.unique(tree.query(lines_of(lines), predicate="intersects")[0]))
