@@ -39,7 +39,8 @@ class SightLines:
         rows = np.array([graph.keyframe_row(i) for i in table.keyframe_ids.tolist()], np.int64)
         order = np.argsort(rows, kind="stable")
         self._rows = rows[order]
-        self._of = np.array([graph.surface_row(i) for i in table.surface_ids[order].tolist()])
+        of = [graph.surface_row(i) for i in table.surface_ids[order].tolist()]
+        self._of = np.array(of, np.int64)
         self._since = np.full(len(surfaces), len(graph.keyframes.ids))
         np.minimum.at(self._since, self._of, self._rows)
         poses = graph.keyframes.poses[self._rows]

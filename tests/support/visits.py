@@ -13,6 +13,10 @@ from sgraph_core.graph import SGraph
 
 AWAY = 18
 """Keyframes between two visits, a metre apart: out of the building and back."""
+SEEING = 3
+"""Keyframes of a visit that see the room."""
+KEYFRAMES = SEEING + AWAY
+"""Of each visit."""
 SIGMAS = [1e-3, 1e-3, 0.01, 0.05, 0.05, 1e-3]
 
 
@@ -21,7 +25,7 @@ def visit_rooms(
 ) -> SGraph:
     """Return the map of visits, each an outline (counter-clockwise) and its drift x, y, yaw.
 
-    Each visit has three keyframes, which see all sides, and is a room of its own. Surfaces are
+    Each visit has keyframes that see all sides, and is a room of its own. Surfaces are
     numbered visit by visit, side by side. Odometry agrees with the drift, so the map is solved.
     Distances err in the keyframes, or aside, some metres along the surfaces.
     """
@@ -29,7 +33,7 @@ def visit_rooms(
     for outline, drift in visits:
         corners, poses = np.array(outline, float), []
         centre = np.array(Polygon(corners).representative_point().coords[0]) - [0.3, 0.0]
-        for step in range(3):
+        for step in range(SEEING):
             poses.append(
                 _keyframe(graph, np.array([centre[0] + 0.3 * step, centre[1], 0.0]), drift)
             )

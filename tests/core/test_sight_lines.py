@@ -1,0 +1,138 @@
+"""What keyframes saw through: lines of sight that a correction blocks, counted by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from drive import row
+
+from sgraph_concepts.types import FloatArray
+from sgraph_core.backend.sight_lines import SightLines
+from sgraph_core.backend.visits import AWAY
+from sgraph_core.graph import SGraph
+
+LATER = 2 * AWAY
+"""Row of the first keyframe of the window."""
+DRIFT = np.array([10.0, 0.0])
+"""Where the window is mapped, relative to where it was."""
+END = LATER + 2
+
+Wall = tuple[tuple[float, float], tuple[float, float]]
+"""Its ends, as the robot saw it from the origin, along x."""
+
+
+def drive(
+    older: Sequence[Wall],
+    newer: Sequence[Wall],
+    shared: Sequence[Wall] = (),
+    pose: tuple[float, float, float] = (0, 0, 0),
+    look_m: float | None = None,
+) -> tuple[SightLines, FloatArray]:
+    """Return the lines of sight of two visits to one place, and the window's centre.
+
+    At the first keyframe the older walls are seen from the origin, in the window the newer ones
+    from there again, but mapped with drift; what is shared, only from the window though it was
+    known. Each is seen once, at its middle.
+
+    Args:
+        older: the walls of the first visit.
+        newer: those of the second, relative to the robot.
+        shared: those that the front end recognises, as mapped.
+        pose: x, y, yaw of the map's frame in the world.
+        look_m: where observations' points ``at`` lie, along x; by default at the robot.
+    """
+    x, y, yaw = pose
+    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+
+    def placed(points: FloatArray) -> FloatArray:
+        return np.asarray(points @ turn.T + [x, y])
+
+    graph = SGraph()
+    for number in range(END):
+        at = DRIFT if number >= LATER else np.array([500.0 if number else 0.0, 0.0])
+        graph.add_keyframe(number, row(np.array([*placed(at), yaw])))
+
+    def see(surface: int, keyframe: int, distance: float) -> None:
+        aside = (0, 0, 0) if look_m is None else (look_m, distance, 0)
+        graph.observe(surface, keyframe, [0, -1, 0, distance], [0.01, 0.02], aside)
+
+    def add(wall: Wall, shift: FloatArray) -> int:
+        surface = len(graph.wall_surfaces.ids)
+        graph.add_wall_surface(surface, placed(np.array(wall) + shift), turn @ [0.0, -1.0])
+        return surface
+
+    for wall in older:
+        see(add(wall, np.zeros(2)), 0, wall[0][1])
+    for wall in shared:
+        known = add(wall, np.zeros(2))
+        for keyframe in (0, LATER):
+            see(known, keyframe, wall[0][1])
+    for wall in newer:
+        see(add(wall, DRIFT), LATER, wall[0][1])
+    return SightLines(graph), placed(DRIFT)
+
+
+def blocked(
+    lines: tuple[SightLines, FloatArray], x: float, y: float = 0.0, turn: float = 0.0
+) -> float:
+    """Return which share a correction blocks of the lines of a drive that is not turned."""
+    sights, centre = lines
+    return sights.blocked(LATER, END, np.array([turn, x, y]), centre)
+
+
+NEAR: Wall = ((-1, 3), (1, 3))
+FAR: Wall = ((-1, 6), (1, 6))
+
+
+def test_an_older_wall_in_front_of_what_the_window_saw_blocks_its_line() -> None:
+    lines = drive([NEAR], [FAR])
+    assert blocked(lines, -10) == 1.0  # of one: the older line ends before the newer wall
+    assert blocked(lines, 0) == 0.0
+    assert blocked(lines, -10 + 0.9) == 0.0  # past the end, which may be inexact
+    assert blocked(lines, -10 + 0.7) == 1.0
+
+
+def test_a_wall_of_the_window_in_front_of_what_was_seen_before_blocks_that_line() -> None:
+    lines = drive([FAR], [NEAR])
+    assert blocked(lines, -10) == 0.5  # the window's own line ends before the older wall
+    assert blocked(lines, 0) == 0.0
+
+
+def test_the_right_correction_blocks_nothing() -> None:
+    room: list[Wall] = [NEAR, ((-6, 4), (-3, 4)), ((3, 4), (6, 4))]
+    lines = drive(room, room)
+    assert blocked(lines, -10) == 0.0
+    assert blocked(lines, -10, 0.29) == blocked(lines, -10, -0.29) == 0.0  # nearly right
+    assert blocked(lines, -10, -2.0) > 0.2
+
+
+def test_a_correction_turns_about_the_centre() -> None:
+    lines = drive([((4, 5), (6, 5))], [FAR])
+    assert blocked(lines, -10, turn=-0.7) == 0.0
+    assert blocked(lines, -10, turn=-1.0) == 1.0  # (0, 5.7) goes to (5.7, 5.7)
+
+
+def test_what_the_window_recognised_neither_moves_nor_blocks() -> None:
+    assert blocked(drive([], [FAR], shared=[NEAR]), -10) == 0.0
+    # the window saw the shared wall from its drifted place: only the older line is there to block
+    assert blocked(drive([], [((-1, 2), (1, 2))], shared=[NEAR]), -10) == pytest.approx(1 / 3)
+
+
+def test_a_line_leads_to_the_point_that_was_seen() -> None:
+    long: Wall = ((-20, 6), (20, 6))
+    assert blocked(drive([NEAR], [long], look_m=0.0), -10) == 1.0
+    assert blocked(drive([NEAR], [long], look_m=8.0), -10) == 0.0
+    assert blocked(drive([NEAR], [FAR], look_m=50.0), -10) == 1.0  # the nearest point of it
+
+
+@pytest.mark.parametrize("yaw", [0.4, np.pi / 2, -2.0])
+def test_where_the_map_lies_does_not_matter(yaw: float) -> None:
+    lines, centre = drive([FAR], [NEAR], pose=(4e5, -5e6, yaw))
+    move = -10 * np.array([np.cos(yaw), np.sin(yaw)])
+    assert lines.blocked(LATER, END, np.array([0.0, *move]), centre) == 0.5
+
+
+def test_without_walls_nothing_is_blocked() -> None:
+    assert blocked(drive([], []), 0) == 0.0
