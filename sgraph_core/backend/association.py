@@ -201,6 +201,10 @@ class _Drive:
         drifted = self.drift.between(*typical, centre)
         return np.asarray(np.diag(other**2) + MORE_DRIFT**2 * drifted)
 
+    def is_free(self, first: int, move: FloatArray, centre: FloatArray) -> bool:
+        """Return whether keyframes look through no wall once a window is moved about its centre."""
+        return self.sights.blocked(first, first + WINDOW, move, centre) <= BLOCKED
+
 
 @dataclass(frozen=True, eq=False)
 class _Election:
@@ -210,6 +214,7 @@ class _Election:
         first: the window's first keyframe.
         window: all its pairs.
         chosen: which of them hold, [P].
+        centre: about which the correction turns, [2].
         move: the correction: angle, x and y, [3].
         weight: metres of wall in support.
     """
@@ -217,6 +222,7 @@ class _Election:
     first: int
     window: Votes
     chosen: NDArray[np.bool_]
+    centre: FloatArray
     move: FloatArray
     weight: float
 
@@ -251,7 +257,7 @@ def _elect(window: Votes, first: int, drive: _Drive) -> _Election | None:
     weights, shifts = window.weights(support), np.linalg.norm(moves[:, 1:], axis=1)
 
     def is_free(k: int) -> bool:
-        return drive.sights.blocked(first, first + WINDOW, moves[k], centre) <= BLOCKED
+        return drive.is_free(first, moves[k], centre)
 
     enough = weights >= max(LEAST_SUPPORT_M, EXPLAINED * everything)
     order = np.lexsort((shifts, -weights.round(6)))
@@ -268,7 +274,7 @@ def _elect(window: Votes, first: int, drive: _Drive) -> _Election | None:
         return None
     beside = [k for k in np.flatnonzero(rivals & ~elsewhere).tolist() if is_free(k)]
     chosen = support[best] & support[beside].all(axis=0)
-    election = _Election(first, window, chosen, moves[best], float(weights[best]))
+    election = _Election(first, window, chosen, centre, moves[best], float(weights[best]))
     anew = np.unique(window.pairs[chosen & ~window.held, 1])
     return None if len(anew) < (FEWEST_NEW if election.moves else 1) else election
 
@@ -277,9 +283,9 @@ def _distinct(election: _Election, drive: _Drive) -> bool:
     """Return whether no other place near by looks like the one that was recognised.
 
     The surfaces that were recognised are matched with the rest of the older map, like a visit that
-    has drifted far. Where a shift explains them as well, and drift does not explain the shift, the
-    map repeats, as rooms in a row do, and only a correction that is clearly shorter than that shift
-    tells a copy from the next room.
+    has drifted far. Where a shift explains them as well, the window would block no lines of sight
+    there either, and drift does not explain the shift, the map repeats, as rooms in a row do, and
+    only a correction that is clearly shorter than that shift tells a copy from the next room.
     """
     known = np.unique(election.window.pairs[election.chosen, 0])
     graph, visits = drive.graph, drive.visits
@@ -297,14 +303,22 @@ def _distinct(election: _Election, drive: _Drive) -> bool:
         return True
     place = votes_of_rows(surfaces, one[like], two[like])
     around = np.diag(np.array([OTHER_RAD, REPEAT_M, REPEAT_M]) / 3) ** 2
-    repeats = corrections_of(place, around, place.points.mean(axis=0))
+    centre = place.points.mean(axis=0)
+    repeats = corrections_of(place, around, centre)
     lengths = np.linalg.norm(repeats.moves[:, 1:], axis=1)
     alike = place.weights(repeats.support) >= ALIKE * _own(surfaces, mine)
     nearest = float(np.linalg.norm(election.move[1:])) / SURE
     return not any(
-        OTHER_M < lengths[k] <= nearest and not _may_be_drift(place, repeats, k, drive)
-        for k in np.flatnonzero(alike).tolist()
+        drive.is_free(election.first, _then(election, repeats.moves[k], centre), election.centre)
+        and not _may_be_drift(place, repeats, k, drive)
+        for k in np.flatnonzero(alike & (lengths > OTHER_M) & (lengths <= nearest)).tolist()
     )
+
+
+def _then(election: _Election, move: FloatArray, centre: FloatArray) -> FloatArray:
+    """Return the correction of a window that is followed by another move about another centre."""
+    x, y = election.centre + election.move[1:] - centre
+    return np.asarray(election.move + move + move[0] * np.array([0.0, -y, x]))
 
 
 def _may_be_drift(place: Votes, repeats: Corrections, k: int, drive: _Drive) -> bool:
