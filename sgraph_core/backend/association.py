@@ -211,7 +211,7 @@ class _Election:
     """A correction of a window that was accepted.
 
     Attributes:
-        first: the window's first keyframe.
+        first: row of the first keyframe that saw one of the window's newer surfaces.
         window: all its pairs.
         chosen: which of them hold, [P].
         centre: about which the correction turns, [2].
@@ -250,6 +250,8 @@ def _elect(window: Votes, first: int, drive: _Drive) -> _Election | None:
     window = window.take(window.held | possible(window, spread, centre))
     if window.held.all():
         return None
+    # the stretch that moves begins where the first of all this was seen
+    first = max(first, int(window.visits[:, 0].min()))
     corrections = corrections_of(window, spread, centre)
     moves = corrections.moves
     # a window that moves takes with it what it saw for the first time

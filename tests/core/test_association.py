@@ -93,17 +93,27 @@ def test_an_office_that_may_be_either_of_two_is_taken_for_neither(shift: float) 
     assert found(visit_rooms([*row, (office(1), (shift, 0, 0))])) == set()
 
 
-@pytest.mark.parametrize("parted", [False, True], ids=["all alike", "the other one parted"])
-def test_an_office_is_told_from_the_next_one_by_what_was_seen_through(parted: bool) -> None:
-    """The walls of both fit what is seen, but a partition of the other would hide some of it."""
+@pytest.mark.parametrize(
+    ("drift", "parted", "told"),
+    [
+        (1.3, (), False),
+        (1.3, (2,), True),
+        (PITCH / 2, (2,), False),  # the first one is as far away as the right one
+        (PITCH / 2, (0, 2, 3), True),
+    ],
+)
+def test_an_office_is_told_from_others_by_what_was_seen_through(
+    drift: float, parted: tuple[int, ...], told: bool
+) -> None:
+    """The walls of all fit what is seen, but a partition of the others would hide some of it."""
     row = [(office(number), (0, 0, 0)) for number in range(4)]
-    graph = visit_rooms([*row, (office(1), (1.3, 0, 0))])
-    if parted:
-        x, keyframe = 2 * PITCH + 1, 2 * KEYFRAMES
-        graph.add_wall_surface(20, [[x, 1], [x, 4]], [1, 0])
+    graph = visit_rooms([*row, (office(1), (drift, 0, 0))])
+    for number in parted:
+        surface, keyframe, x = 20 + number, number * KEYFRAMES, number * PITCH + 1
+        graph.add_wall_surface(surface, [[x, 1], [x, 4]], [1, 0])
         away = graph.keyframe(keyframe).pose[0] - x
-        graph.observe(20, keyframe, [1, 0, 0, away], [0.01, 0.02])
-    assert found(graph) == ({(4 + side, 16 + side) for side in range(4)} if parted else set())
+        graph.observe(surface, keyframe, [1, 0, 0, away], [0.01, 0.02])
+    assert found(graph) == ({(4 + side, 16 + side) for side in range(4)} if told else set())
 
 
 @pytest.mark.usefixtures("proposing")
