@@ -51,7 +51,9 @@ LEAST_SUPPORT_M = 5.0
 EXPLAINED = 0.4
 """Share of what a window saw, and what might be known, that its correction must explain."""
 BLOCKED = 0.03
-"""Share of the lines of sight that a right correction may block: doors close, people stand."""
+"""Share of the lines of sight that a right correction may block."""
+LONG_M = 1.5
+"""A correction this long may be to the next room, if nothing contradicts where the window is."""
 RIVAL = 0.7
 """A rival with this share of the best one's support makes both ambiguous."""
 OTHER_M, OTHER_RAD = 0.3, np.radians(8.0)
@@ -211,7 +213,7 @@ class _Election:
     """A correction of a window that was accepted.
 
     Attributes:
-        first: row of the first keyframe that saw one of the window's newer surfaces.
+        first: the row of a keyframe where the window begins.
         window: all its pairs.
         chosen: which of them hold, [P].
         centre: about which the correction turns, [2].
@@ -258,8 +260,8 @@ def _elect(window: Votes, first: int, drive: _Drive) -> _Election | None:
     support = corrections.support & ~(_differ(moves)[:, None] & (window.since >= first))
     weights, shifts = window.weights(support), np.linalg.norm(moves[:, 1:], axis=1)
 
-    def is_free(k: int) -> bool:
-        return drive.is_free(first, moves[k], centre)
+    def is_free(k: int) -> bool:  # to stay needs no leave
+        return not _differ(moves[k]) or drive.is_free(first, moves[k], centre)
 
     enough = weights >= max(LEAST_SUPPORT_M, EXPLAINED * everything)
     order = np.lexsort((shifts, -weights.round(6)))
@@ -267,7 +269,8 @@ def _elect(window: Votes, first: int, drive: _Drive) -> _Election | None:
     if best is None:
         return None
     torn = window.held & ~support[best]
-    if window.weights(torn[None])[0] >= RIVAL * weights[best]:
+    needless = shifts[best] > LONG_M and drive.is_free(first, np.zeros(3), centre)
+    if needless or window.weights(torn[None])[0] >= RIVAL * weights[best]:
         return None
     rivals = _differ(moves - moves[best]) & (weights >= RIVAL * weights[best])
     elsewhere = _differ(moves - moves[best], ELSEWHERE_M)

@@ -93,6 +93,25 @@ def test_an_office_that_may_be_either_of_two_is_taken_for_neither(shift: float) 
     assert found(visit_rooms([*row, (office(1), (shift, 0, 0))])) == set()
 
 
+@pytest.mark.parametrize("count", [2, 3])
+@pytest.mark.parametrize("pitch", [2.8, PITCH])
+def test_a_new_office_is_not_the_one_before_because_drift_might_explain_it(
+    count: int, pitch: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After a long way; no third office shows that they repeat, but nothing is wrong as it is."""
+    monkeypatch.setattr("visits.AWAY", 40)
+    row = [rectangle(number * pitch, 0, pitch - 0.2, 5) for number in range(count)]
+    assert found(visit_rooms([(outline, (0, 0, 0)) for outline in row])) == set()
+
+
+def test_a_copy_that_lies_in_the_way_does_not_hide_another() -> None:
+    """A window that stays where it is blocks no line of sight that was not blocked before."""
+    row = [(office(number), (0, 0, 0)) for number in range(3)]
+    graph = visit_rooms([*row, (office(0), (0.8, 0, 0)), (office(1), (0, 0, 0))])
+    pairs = {same.pair for same in optimize(graph).association.same}
+    assert {(4 + side, 16 + side) for side in range(4)} <= pairs
+
+
 @pytest.mark.parametrize(
     ("drift", "parted", "told"),
     [

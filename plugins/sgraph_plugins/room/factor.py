@@ -25,7 +25,7 @@ __all__ = ["factors"]
 
 SAME_ANGLE_RAD = np.radians(20.0)
 FARTHEST_M = 5.0
-"""Beyond this distance a surface that faces the same way may well be another room's."""
+"""How far off a copy may lie; so may the next room, which is for the votes to tell."""
 
 
 @dataclass(frozen=True, eq=False)
