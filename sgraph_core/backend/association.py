@@ -31,6 +31,7 @@ from sgraph_core.backend.visits import Visits
 from sgraph_core.backend.votes import MOST_SUPPORT_M, Votes, votes_of_pairs, votes_of_rows
 from sgraph_core.geometry import boxes_of, lines_of
 from sgraph_core.graph import SGraph
+from sgraph_core.synth.polygons import turn_left
 
 __all__ = ["Association", "Proposal", "Same", "associate"]
 
@@ -322,8 +323,8 @@ def _distinct(election: _Election, drive: _Drive) -> bool:
 
 def _then(election: _Election, move: FloatArray, centre: FloatArray) -> FloatArray:
     """Return the correction of a window that is followed by another move about another centre."""
-    x, y = election.centre + election.move[1:] - centre
-    return np.asarray(election.move + move + move[0] * np.array([0.0, -y, x]))
+    arm = election.centre + election.move[1:] - centre
+    return np.asarray(election.move + move + move[0] * np.append(0.0, turn_left(arm)))
 
 
 def _may_be_drift(place: Votes, repeats: Corrections, k: int, drive: _Drive) -> bool:

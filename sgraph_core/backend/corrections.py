@@ -11,6 +11,7 @@ from scipy.special import chdtri
 from sgraph_concepts.types import FloatArray, IntArray
 from sgraph_core.backend.votes import Votes, of_groups
 from sgraph_core.geometry import cross, dot
+from sgraph_core.synth.polygons import turn_left
 
 __all__ = ["REJECTION", "Corrections", "corrections_of", "possible"]
 
@@ -116,12 +117,11 @@ def _fit(
 
 def _side_by_side(votes: Votes, moves: FloatArray, centre: FloatArray) -> NDArray[np.bool_]:
     """Return which pairs overlap once the newer surface is moved, [C, P]."""
-    tangents = np.stack([-votes.normals[:, 1], votes.normals[:, 0]], axis=1)
+    tangents = turn_left(votes.normals)
     ends = np.sort(dot(votes.segments, tangents[:, None, None]), axis=2)
     (old_low, old_high), (new_low, new_high) = ends.transpose(1, 2, 0)
     arms = votes.segments[:, 1].mean(axis=1) - centre
-    turned = np.stack([-arms[:, 1], arms[:, 0]], axis=1)
-    shifts = moves @ np.column_stack([dot(turned, tangents), tangents]).T
+    shifts = moves @ np.column_stack([dot(turn_left(arms), tangents), tangents]).T
     long = np.minimum(old_high - old_low, new_high - new_low) >= LEAST_OVERLAP_M
     reaches = shifts >= old_low + LEAST_OVERLAP_M - new_high
     return np.asarray(long & reaches & (shifts <= old_high - LEAST_OVERLAP_M - new_low))

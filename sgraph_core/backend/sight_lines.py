@@ -14,6 +14,7 @@ from sgraph_concepts.types import FloatArray
 from sgraph_core.backend.visits import AWAY
 from sgraph_core.geometry import dot, lines_of
 from sgraph_core.graph import SGraph
+from sgraph_core.synth.polygons import turn_left
 from sgraph_core.tables import turned
 
 __all__ = ["SightLines"]
@@ -90,10 +91,7 @@ def _cleared(eyes: FloatArray, points: FloatArray) -> FloatArray:
 
 
 def _moved(segments: FloatArray, move: FloatArray, centre: FloatArray) -> FloatArray:
-    arms = segments - centre
-    return np.asarray(
-        segments + move[1:] + move[0] * np.stack([-arms[..., 1], arms[..., 0]], axis=-1)
-    )
+    return np.asarray(segments + move[1:] + move[0] * turn_left(segments - centre))
 
 
 def _meeting(segments: FloatArray, others: FloatArray) -> FloatArray:
