@@ -18,6 +18,7 @@ __all__ = [
     "dot",
     "in_frames",
     "lines_of",
+    "meeting_box",
     "nearest",
     "points_of",
     "rectangle_sides",
@@ -59,6 +60,22 @@ def boxes_of(corners: FloatArray, margin: float = 0.0) -> Geometries:
     # the index looks at nothing but the boxes of what it is asked with, and lines are made in
     # two thirds of the time of polygons
     return lines_of(np.stack([lowest, highest], axis=1))
+
+
+def meeting_box(segments: FloatArray, others: FloatArray, margin: float = 0.0) -> NDArray[np.bool_]:
+    """Return which segments [N, 2, 2] have boxes that meet the one around all others, [N].
+
+    Args:
+        segments: whose boxes.
+        others: any number of them, [M, 2, 2]; none meets the box around nothing.
+        margin: how far the box reaches beyond the others.
+    """
+    if not len(others):
+        return np.zeros(len(segments), bool)
+    low, high = others.min(axis=(0, 1)) - margin, others.max(axis=(0, 1)) + margin
+    one, two = segments[:, 0], segments[:, 1]
+    meets = (np.minimum(one, two) <= high) & (np.maximum(one, two) >= low)
+    return np.asarray(meets.all(axis=1))
 
 
 def rectangle_sides(shapes: Geometries) -> FloatArray:

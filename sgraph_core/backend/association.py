@@ -15,9 +15,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
@@ -29,7 +29,7 @@ from sgraph_core.backend.drift import Drift
 from sgraph_core.backend.sight_lines import SightLines
 from sgraph_core.backend.visits import Visits
 from sgraph_core.backend.votes import MOST_SUPPORT_M, Votes, votes_of_pairs, votes_of_rows
-from sgraph_core.geometry import boxes_of, lines_of
+from sgraph_core.geometry import meeting_box
 from sgraph_core.graph import SGraph
 from sgraph_core.synth.polygons import turn_left
 
@@ -261,6 +261,7 @@ def _elect(window: Votes, first: int, drive: _Drive) -> _Election | None:
     support = corrections.support & ~(_differ(moves)[:, None] & (window.since >= first))
     weights, shifts = window.weights(support), np.linalg.norm(moves[:, 1:], axis=1)
 
+    @cache
     def is_free(k: int) -> bool:  # to stay needs no leave
         return not _differ(moves[k]) or drive.is_free(first, moves[k], centre)
 
@@ -297,11 +298,11 @@ def _distinct(election: _Election, drive: _Drive) -> bool:
     graph, visits = drive.graph, drive.visits
     surfaces = graph.wall_surfaces.ordered()
     mine = np.array([graph.surface_row(i) for i in known.tolist()], np.int64)
-    near = boxes_of(surfaces.segments[mine].reshape(1, -1, 2), np.sqrt(2) * REPEAT_M)
-    rows = shapely.STRtree(lines_of(surfaces.segments)).query(near[0])
+    segments = surfaces.segments
+    rows = np.flatnonzero(meeting_box(segments, segments[mine], np.sqrt(2) * REPEAT_M))
     ids = surfaces.ids[rows].tolist()
     older = [i in visits and visits.first(i) < election.first for i in ids]
-    one, two = (side.ravel() for side in np.meshgrid(np.sort(rows[older]), mine, indexing="ij"))
+    one, two = (side.ravel() for side in np.meshgrid(rows[older], mine, indexing="ij"))
     lie = coincidence(surfaces, one, two)
     like = (one != two) & (np.abs(lie.gaps) <= REPEAT_M) & (np.abs(lie.angles) <= OTHER_RAD)
     like &= lie.overlaps >= -REPEAT_M

@@ -12,7 +12,7 @@ import shapely
 
 from sgraph_concepts.types import FloatArray
 from sgraph_core.backend.visits import AWAY
-from sgraph_core.geometry import dot, lines_of
+from sgraph_core.geometry import dot, lines_of, meeting_box
 from sgraph_core.graph import SGraph
 from sgraph_core.synth.polygons import turn_left
 from sgraph_core.tables import turned
@@ -70,8 +70,10 @@ class SightLines:
         known = self._since < first - AWAY
         lines = _moved(self._lines[start:end], move, centre)
         walls = _moved(self._walls[self._solid & seen & ~known], move, centre)
-        older = _meeting(self._lines[:long_before], walls)
-        blocked = _crossing(lines, _meeting(self._walls[self._solid & known & ~seen], lines))
+        others = self._walls[self._solid & known & ~seen]
+        blocked = _crossing(lines, others[meeting_box(others, lines)])
+        older = self._lines[:long_before]
+        older = older[meeting_box(older, walls)]
         return (blocked + _crossing(older, walls)) / max(len(lines) + len(older), 1)
 
 
@@ -92,16 +94,6 @@ def _cleared(eyes: FloatArray, points: FloatArray) -> FloatArray:
 
 def _moved(segments: FloatArray, move: FloatArray, centre: FloatArray) -> FloatArray:
     return np.asarray(segments + move[1:] + move[0] * turn_left(segments - centre))
-
-
-def _meeting(segments: FloatArray, others: FloatArray) -> FloatArray:
-    """Return the segments of which the boxes meet the box around all others."""
-    if not len(others):
-        return segments[:0]
-    low, high = others.min(axis=(0, 1)), others.max(axis=(0, 1))
-    one, two = segments[:, 0], segments[:, 1]
-    meets = (np.minimum(one, two) <= high) & (np.maximum(one, two) >= low)
-    return np.asarray(segments[meets.all(axis=1)])
 
 
 def _crossing(lines: FloatArray, walls: FloatArray) -> int:
