@@ -54,7 +54,9 @@ EXPLAINED = 0.4
 BLOCKED = 0.03
 """Share of the lines of sight that a right correction may block."""
 LONG_M = 1.5
-"""A correction this long may be to the next room, if nothing contradicts where the window is."""
+"""A correction this long may be to the next room, if a much shorter one contradicts nothing."""
+SHORTER = 0.5
+"""How much shorter that is."""
 RIVAL = 0.7
 """A rival with this share of the best one's support makes both ambiguous."""
 OTHER_M, OTHER_RAD = 0.3, np.radians(8.0)
@@ -208,6 +210,17 @@ class _Drive:
         """Return whether keyframes look through no wall once a window is moved about its centre."""
         return self.sights.blocked(first, first + WINDOW, move, centre) <= BLOCKED
 
+    def is_free_within(
+        self, first: int, shift_m: float, turn_rad: float, centre: FloatArray
+    ) -> bool:
+        """Return whether so small a correction of a window is free; these are tried from 0 on."""
+        ways, turns = np.linspace(-1, 1, 7) * shift_m, np.linspace(-1, 1, 5) * turn_rad
+        moves = np.stack(np.meshgrid(turns, ways, ways), axis=-1).reshape(-1, 3)
+        shifts = np.linalg.norm(moves[:, 1:], axis=1)
+        order = np.lexsort((np.abs(moves[:, 0]), shifts))
+        near = order[shifts[order] <= shift_m]
+        return any(self.is_free(first, move, centre) for move in moves[near])
+
 
 @dataclass(frozen=True, eq=False)
 class _Election:
@@ -271,7 +284,9 @@ def _elect(window: Votes, first: int, drive: _Drive) -> _Election | None:
     if best is None:
         return None
     torn = window.held & ~support[best]
-    needless = shifts[best] > LONG_M and drive.is_free(first, np.zeros(3), centre)
+    needless = shifts[best] > LONG_M and drive.is_free_within(
+        first, SHORTER * shifts[best], np.sqrt(spread[0, 0]), centre
+    )
     if needless or window.weights(torn[None])[0] >= RIVAL * weights[best]:
         return None
     rivals = _differ(moves - moves[best]) & (weights >= RIVAL * weights[best])

@@ -95,13 +95,16 @@ def test_an_office_that_may_be_either_of_two_is_taken_for_neither(shift: float) 
 
 @pytest.mark.parametrize("count", [2, 3])
 @pytest.mark.parametrize("pitch", [2.8, PITCH])
+@pytest.mark.parametrize("drift", [0.0, -0.6, -1.0])
 def test_a_new_office_is_not_the_one_before_because_drift_might_explain_it(
-    count: int, pitch: float, monkeypatch: pytest.MonkeyPatch
+    count: int, pitch: float, drift: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """After a long way; no third office shows that they repeat, but nothing is wrong as it is."""
+    """After a long way; no third office shows that they repeat, but it may as well be beside it."""
     monkeypatch.setattr("visits.AWAY", 40)
     row = [rectangle(number * pitch, 0, pitch - 0.2, 5) for number in range(count)]
-    assert found(visit_rooms([(outline, (0, 0, 0)) for outline in row])) == set()
+    drifts = [*[0.0] * (count - 1), drift]
+    visited = [(outline, (x, 0, 0)) for outline, x in zip(row, drifts, strict=True)]
+    assert found(visit_rooms(visited)) == set()
 
 
 def test_a_copy_that_lies_in_the_way_does_not_hide_another() -> None:
