@@ -32,6 +32,8 @@ from sgraph_core.nodes import check_nodes
 __all__ = ["Optimization", "optimize"]
 
 MOST_ROUNDS = 4
+ANEW_M = 0.3
+"""Factors are made of how nodes were mapped: a map that has moved by more needs them anew."""
 AGREE_RAD, AGREE_M = 0.1, 0.2
 """A visit that sees a plane closer to the surface's than this saw the surface."""
 
@@ -78,7 +80,8 @@ def optimize(
     own observations have straightened. Then, round by round, surfaces that are one are tied, the
     graph is solved, and factors that fit badly (chi-squared test at 0.1 %) are switched off: a
     wrong detection must not bend the map. A tie makes the map surer of itself, so that the next
-    round may see others; the rounds end when there are none, or after four.
+    round may see others; the rounds end when there are none, or after four. Where the map has
+    moved far, nodes' factors are made anew, and those that were switched off get another chance.
 
     Args:
         graph: the S-Graph; it is not changed.
@@ -99,11 +102,12 @@ def optimize(
     values, iterations = solve(low.graph, low.values)
     current = moved(graph, low, values, keys)
     concepts = concept_factors(current, keys, factor_types, registry, same=())
+    made_of, fresh = current, bool(concepts.groups)
     found, refusals = Association(), list[Refusal]()
     factors, proposals = low.graph, concepts.proposals
     for _ in range(MOST_ROUNDS):
         new = associate(current, proposals, found)
-        if not new.same and (found.same or not concepts.groups):
+        if not (new.same or fresh):
             break
         found = found.with_(new)
         concepts = with_ties(concepts, new.same, current, keys)
@@ -115,6 +119,12 @@ def optimize(
         if not new.same:
             break
         proposals = propose(current, factor_types, registry)
+        fresh = _is_far(made_of, current)
+        if fresh:
+            made_of = current
+            concepts = concept_factors(current, keys, factor_types, registry, same=())
+            concepts = with_ties(concepts, found.same, current, keys)
+            refusals = [refusal for refusal in refusals if refusal.surfaces]
     return Optimization(
         current,
         values,
@@ -125,6 +135,12 @@ def optimize(
         found,
         refusals,
     )
+
+
+def _is_far(one: SGraph, two: SGraph) -> bool:
+    """Return whether a keyframe moved so far that nodes' factors must be made anew."""
+    moves = one.keyframes.poses[:, :2] - two.keyframes.poses[:, :2]
+    return bool((np.linalg.norm(moves, axis=1) > ANEW_M).any())
 
 
 def _solve(

@@ -8,6 +8,7 @@ from plans import Point, rectangle, regular
 from visits import KEYFRAMES, visit_rooms
 
 from sgraph_concepts.errors import ConceptError
+from sgraph_concepts.types import ConceptNode, NodeShape
 from sgraph_core.backend import associate, optimize
 from sgraph_core.backend.association import Proposal
 from sgraph_core.backend.concept_factors import propose
@@ -181,3 +182,20 @@ def test_optimising_brings_the_copies_together() -> None:
         assert one.normal @ two.normal > np.cos(0.02)
         middle = two.segment.mean(axis=0) - one.segment.mean(axis=0)
         assert abs(float(middle @ one.normal)) < 0.05
+
+
+@pytest.mark.parametrize("drift", [(-0.6, 0, 0), (-0.5, -0.3, 0.03)])
+def test_a_wall_that_drift_made_thick_is_made_anew_once_the_loop_is_closed(
+    drift: tuple[float, float, float],
+) -> None:
+    """Between a room and what was mapped of its neighbour before the drift: 20 cm, not 70."""
+    neighbour = rectangle(5.2, 0, 4, 4)
+    graph = visit_rooms([(ROOM, (0, 0, 0)), (neighbour, (0, 0, 0)), (ROOM, drift)])
+    way = graph.keyframe(KEYFRAMES).pose[:2] - graph.keyframe(0).pose[:2]
+    graph.add_odometry(0, KEYFRAMES, [*way, 0, 0, 0, 0, 1], [1e-3] * 6)
+    sides = [graph.wall_surface(surface).segment.mean(axis=0) for surface in (7, 9)]
+    shape = NodeShape(tuple(np.mean(sides, axis=0)), thickness=float((sides[0] - sides[1])[0]))
+    graph.concepts["wall"] = [ConceptNode(0, (7, 9), shape=shape)]
+    solved = optimize(graph)
+    assert not solved.refusals
+    assert solved.graph.node("wall", 0).shape.thickness == pytest.approx(0.2, abs=0.03)
