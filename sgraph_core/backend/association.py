@@ -269,9 +269,10 @@ def _elect(window: Votes, first: int, drive: _Drive) -> _Election | None:
     # the stretch that moves begins where the first of all this was seen
     first = max(first, int(window.visits[:, 0].min()))
     corrections = corrections_of(window, spread, centre)
-    moves = corrections.moves
     # a window that moves takes with it what it saw for the first time
-    support = corrections.support & ~(_differ(moves)[:, None] & (window.since >= first))
+    idle = _differ(corrections.moves)[:, None] & (window.since >= first)
+    corrections = Corrections(corrections.moves, corrections.support & ~idle).fixed_by(window)
+    moves, support = corrections.moves, corrections.support
     weights, shifts = window.weights(support), np.linalg.norm(moves[:, 1:], axis=1)
 
     @cache

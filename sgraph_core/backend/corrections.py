@@ -38,6 +38,15 @@ class Corrections:
     moves: FloatArray
     support: NDArray[np.bool_]
 
+    def fixed_by(self, votes: Votes) -> Corrections:
+        """Return those that enough surfaces support, not all parallel, one of them proposed."""
+        _, group = np.unique(votes.pairs[:, 1], return_inverse=True)
+        across = self.support.astype(np.float64) @ _crossing(votes) > 0
+        fixed = (across & self.support).any(axis=1)
+        fixed &= of_groups(self.support, group).sum(axis=1) >= FEWEST
+        fixed &= (self.support & ~votes.held).any(axis=1)
+        return Corrections(self.moves[fixed], self.support[fixed])
+
 
 def corrections_of(votes: Votes, spread: FloatArray, centre: FloatArray) -> Corrections:
     """Return the corrections about a centre that two pairs fix and several surfaces support.
@@ -49,10 +58,9 @@ def corrections_of(votes: Votes, spread: FloatArray, centre: FloatArray) -> Corr
     """
     design = _design(votes, centre) / votes.sigmas[:, :, None]
     target = votes.innovations / votes.sigmas
-    crossing = np.abs(cross(votes.normals[:, None], votes.normals[None])) > PARALLEL
     some = _some(votes)
     one, two = (some[side] for side in np.triu_indices(len(some), k=1))
-    seeds = crossing[one, two]
+    seeds = _crossing(votes)[one, two]
     support = np.zeros((int(seeds.sum()), len(votes.pairs)), bool)
     rows, expected = np.arange(len(support)), np.asarray(np.linalg.inv(spread), np.float64)
     support[rows, one[seeds]] = support[rows, two[seeds]] = True
@@ -66,11 +74,7 @@ def corrections_of(votes: Votes, spread: FloatArray, centre: FloatArray) -> Corr
         return moves, close & _side_by_side(votes, moves, centre)
 
     moves, support = explained(_each_once(explained(support)[1]))
-    _, group = np.unique(votes.pairs[:, 1], return_inverse=True)
-    spans = ((support.astype(np.float64) @ crossing > 0) & support).any(axis=1)
-    spans &= of_groups(support, group).sum(axis=1) >= FEWEST
-    spans &= (support & ~votes.held).any(axis=1)
-    return Corrections(moves[spans], support[spans])
+    return Corrections(moves, support).fixed_by(votes)
 
 
 def possible(votes: Votes, spread: FloatArray, centre: FloatArray) -> NDArray[np.bool_]:
@@ -79,6 +83,11 @@ def possible(votes: Votes, spread: FloatArray, centre: FloatArray) -> NDArray[np
     variance = np.einsum("pij,jk,pik->pi", design, spread, design) + votes.sigmas**2
     likely = votes.innovations**2 / variance
     return np.asarray((likely <= chdtri(1, REJECTION / 10)).all(axis=1))
+
+
+def _crossing(votes: Votes) -> NDArray[np.bool_]:
+    """Return which pairs are not parallel to which, [P, P]."""
+    return np.asarray(np.abs(cross(votes.normals[:, None], votes.normals[None])) > PARALLEL)
 
 
 def _some(votes: Votes) -> IntArray:
