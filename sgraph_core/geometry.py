@@ -22,6 +22,7 @@ __all__ = [
     "nearest",
     "points_of",
     "rectangle_sides",
+    "turn_left",
     "unique_pairs",
 ]
 
@@ -33,6 +34,11 @@ TIE_M = 1e-6
 def cross(one: FloatArray, two: FloatArray) -> FloatArray:
     """Return the z component of the cross product of plane vectors, [..., 2] each."""
     return np.asarray(one[..., 0] * two[..., 1] - one[..., 1] * two[..., 0])
+
+
+def turn_left(vectors: FloatArray) -> FloatArray:
+    """Return vectors [..., 2] turned by +90 degrees."""
+    return np.stack([-vectors[..., 1], vectors[..., 0]], axis=-1)
 
 
 Geometries = NDArray[np.object_]

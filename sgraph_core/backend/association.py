@@ -24,14 +24,19 @@ from scipy.special import chdtri
 from sgraph_concepts.errors import ConceptError
 from sgraph_concepts.types import FloatArray, IntArray, SurfaceArrays
 from sgraph_core.backend.coincidence import coincidence
-from sgraph_core.backend.corrections import REJECTION, Corrections, corrections_of, possible
+from sgraph_core.backend.corrections import (
+    REJECTION,
+    Corrections,
+    composed,
+    corrections_of,
+    possible,
+)
 from sgraph_core.backend.drift import Drift
 from sgraph_core.backend.sight_lines import SightLines
 from sgraph_core.backend.visits import Visits
 from sgraph_core.backend.votes import MOST_SUPPORT_M, Votes, votes_of_pairs, votes_of_rows
 from sgraph_core.geometry import meeting_box
 from sgraph_core.graph import SGraph
-from sgraph_core.synth.polygons import turn_left
 
 __all__ = ["Association", "Proposal", "Same", "associate"]
 
@@ -332,16 +337,14 @@ def _distinct(election: _Election, drive: _Drive) -> bool:
     alike = place.weights(repeats.support) >= ALIKE * _own(surfaces, mine)
     nearest = float(np.linalg.norm(election.move[1:])) / SURE
     return not any(
-        drive.is_free(election.first, _then(election, repeats.moves[k], centre), election.centre)
+        drive.is_free(
+            election.first,
+            composed(election.move, election.centre, repeats.moves[k], centre),
+            election.centre,
+        )
         and not _may_be_drift(place, repeats, k, drive)
         for k in np.flatnonzero(alike & (lengths > OTHER_M) & (lengths <= nearest)).tolist()
     )
-
-
-def _then(election: _Election, move: FloatArray, centre: FloatArray) -> FloatArray:
-    """Return the correction of a window that is followed by another move about another centre."""
-    arm = election.centre + election.move[1:] - centre
-    return np.asarray(election.move + move + move[0] * np.append(0.0, turn_left(arm)))
 
 
 def _may_be_drift(place: Votes, repeats: Corrections, k: int, drive: _Drive) -> bool:

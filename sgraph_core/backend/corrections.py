@@ -10,10 +10,9 @@ from scipy.special import chdtri
 
 from sgraph_concepts.types import FloatArray, IntArray
 from sgraph_core.backend.votes import Votes, of_groups
-from sgraph_core.geometry import cross, dot
-from sgraph_core.synth.polygons import turn_left
+from sgraph_core.geometry import cross, dot, turn_left
 
-__all__ = ["REJECTION", "Corrections", "corrections_of", "possible"]
+__all__ = ["REJECTION", "Corrections", "composed", "corrections_of", "possible"]
 
 REJECTION = 1e-2
 """Probability with which a pair is refused though the right correction explains it."""
@@ -75,6 +74,17 @@ def corrections_of(votes: Votes, spread: FloatArray, centre: FloatArray) -> Corr
 
     moves, support = explained(_each_once(explained(support)[1]))
     return Corrections(moves, support).fixed_by(votes)
+
+
+def composed(
+    move: FloatArray, centre: FloatArray, then: FloatArray, about: FloatArray
+) -> FloatArray:
+    """Return a correction about its centre that is followed by another one about another, [3].
+
+    Angles are small: their product is left out.
+    """
+    arm = centre + move[1:] - about
+    return np.asarray(move + then + then[0] * np.append(0.0, turn_left(arm)))
 
 
 def possible(votes: Votes, spread: FloatArray, centre: FloatArray) -> NDArray[np.bool_]:

@@ -12,9 +12,8 @@ import shapely
 
 from sgraph_concepts.types import FloatArray
 from sgraph_core.backend.visits import AWAY
-from sgraph_core.geometry import dot, lines_of, meeting_box
+from sgraph_core.geometry import dot, lines_of, meeting_box, turn_left
 from sgraph_core.graph import SGraph
-from sgraph_core.synth.polygons import turn_left
 from sgraph_core.tables import turned
 
 __all__ = ["SightLines"]

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from sgraph_concepts.types import FloatArray, IntArray
 from sgraph_core.frontend.planar import placed, rotated
 from sgraph_core.frontend.recording import ObservedSurfaces
-from sgraph_core.geometry import cross, dot
-from sgraph_core.synth.polygons import turn_left
+from sgraph_core.geometry import cross, dot, turn_left
 
 __all__ = ["GATE", "NONE", "Gate", "Lines", "aligned", "matches", "seen_from_pose"]
 

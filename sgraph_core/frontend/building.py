@@ -14,8 +14,9 @@ from shapely.geometry.base import BaseGeometry
 from sgraph_concepts.errors import InputError
 from sgraph_concepts.types import BuildingTruth, FloatArray, SurfaceArrays
 from sgraph_core.frontend.lidar import Panels
+from sgraph_core.geometry import turn_left
 from sgraph_core.synth.pieces import NO_ROOM
-from sgraph_core.synth.polygons import all_edges, polygons_in, turn_left
+from sgraph_core.synth.polygons import all_edges, polygons_in
 from sgraph_core.synth.walls import wall_gaps
 
 __all__ = ["Door", "Floor", "Furniture", "Point"]

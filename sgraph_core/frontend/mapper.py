@@ -22,8 +22,7 @@ from sgraph_core.frontend.association import (
 )
 from sgraph_core.frontend.planar import as_rows, composed, from_rows, in_space, rotated
 from sgraph_core.frontend.recording import ObservedSurfaces, Recording
-from sgraph_core.geometry import dot
-from sgraph_core.synth.polygons import turn_left
+from sgraph_core.geometry import dot, turn_left
 
 __all__ = ["Mapper"]
 

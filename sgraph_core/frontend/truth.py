@@ -11,9 +11,8 @@ from sgraph_core.frontend.association import NONE, Gate, Lines, matches, seen_fr
 from sgraph_core.frontend.mapper import Mapper
 from sgraph_core.frontend.planar import as_rows, between, from_rows
 from sgraph_core.frontend.recording import Recording
-from sgraph_core.geometry import dot
+from sgraph_core.geometry import dot, turn_left
 from sgraph_core.graph import TrueRoom, Truth
-from sgraph_core.synth.polygons import turn_left
 from sgraph_core.synth.walls import wall_gaps
 
 __all__ = ["mapped_along_reference", "observed_sources", "surface_sources", "truth_of_map"]

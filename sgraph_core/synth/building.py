@@ -12,14 +12,13 @@ from shapely import Polygon
 
 from sgraph_concepts.errors import InputError
 from sgraph_concepts.types import BuildingTruth, FloatArray, IntArray, SurfaceArrays
-from sgraph_core.geometry import Geometries, lines_of, points_of
+from sgraph_core.geometry import Geometries, lines_of, points_of, turn_left
 from sgraph_core.graph import SGraph, TrueRoom, Truth
 from sgraph_core.synth.config import BuildingConfig, ViewConfig
 from sgraph_core.synth.drift import Drift
 from sgraph_core.synth.pieces import IN_CAVITY, NO_ROOM, SHORTEST_PIECE_M, Pieces
 from sgraph_core.synth.placement import Placement
 from sgraph_core.synth.plan import draw_plan
-from sgraph_core.synth.polygons import turn_left
 from sgraph_core.synth.surfaces import draw_surfaces
 from sgraph_core.synth.view import add_noise, draw_view, join_through
 from sgraph_core.synth.walls import WallGaps, wall_gaps

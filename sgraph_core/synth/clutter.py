@@ -7,10 +7,11 @@ from numpy.random import Generator
 from shapely import Polygon
 
 from sgraph_concepts.types import FloatArray
+from sgraph_core.geometry import turn_left
 from sgraph_core.synth.config import FittingConfig
 from sgraph_core.synth.cutouts import Cutout
 from sgraph_core.synth.pieces import NO_ROOM, Pieces
-from sgraph_core.synth.polygons import edges, grow, rectangle, turn_left
+from sgraph_core.synth.polygons import edges, grow, rectangle
 
 __all__ = ["door_leaves", "furniture"]
 

@@ -8,8 +8,9 @@ from numpy.random import Generator
 from shapely import Polygon
 
 from sgraph_concepts.types import FloatArray
+from sgraph_core.geometry import turn_left
 from sgraph_core.synth.config import PlanConfig
-from sgraph_core.synth.polygons import clean, extent, grow, polygons_in, turn_left
+from sgraph_core.synth.polygons import clean, extent, grow, polygons_in
 
 __all__ = ["Cubicles", "stand_cubicles"]
 

@@ -10,10 +10,9 @@ from numpy.random import Generator
 from shapely import Polygon
 
 from sgraph_concepts.types import FloatArray, IntArray
-from sgraph_core.geometry import points_of
+from sgraph_core.geometry import points_of, turn_left
 from sgraph_core.synth.config import ViewConfig
 from sgraph_core.synth.pieces import Pieces
-from sgraph_core.synth.polygons import turn_left
 
 __all__ = ["Drift"]
 

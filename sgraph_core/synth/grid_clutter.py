@@ -8,8 +8,9 @@ from numpy.random import Generator
 from shapely import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
+from sgraph_core.geometry import turn_left
 from sgraph_core.synth.config import GridConfig
-from sgraph_core.synth.polygons import edges, grow, rectangle, turn_left
+from sgraph_core.synth.polygons import edges, grow, rectangle
 from sgraph_core.synth.surfaces import Floor
 
 __all__ = ["stand_cupboards", "stand_tables"]

@@ -7,8 +7,9 @@ import shapely
 from numpy.random import Generator
 from shapely import Polygon
 
+from sgraph_core.geometry import turn_left
 from sgraph_core.synth.config import PlanConfig
-from sgraph_core.synth.polygons import extent, grow, rectangle, turn_left
+from sgraph_core.synth.polygons import extent, grow, rectangle
 
 __all__ = ["stand_columns", "stand_partitions"]
 

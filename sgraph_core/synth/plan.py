@@ -11,6 +11,7 @@ from numpy.random import Generator
 from shapely import Polygon, box
 
 from sgraph_concepts.types import FloatArray
+from sgraph_core.geometry import turn_left
 from sgraph_core.synth.config import PlanConfig
 from sgraph_core.synth.cubicles import Cubicles, stand_cubicles
 from sgraph_core.synth.double_walls import DoubleWall, draw_double_walls
@@ -27,7 +28,6 @@ from sgraph_core.synth.polygons import (
     grow,
     polygons_in,
     rectangle,
-    turn_left,
 )
 from sgraph_core.synth.walls import INTO_ROOM_M, wall_gaps
 

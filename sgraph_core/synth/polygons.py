@@ -9,7 +9,7 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from sgraph_concepts.types import FloatArray, IntArray
-from sgraph_core.geometry import cross
+from sgraph_core.geometry import cross, turn_left
 
 __all__ = [
     "all_edges",
@@ -22,7 +22,6 @@ __all__ = [
     "grow",
     "polygons_in",
     "rectangle",
-    "turn_left",
 ]
 
 SMALLEST_ROOM_M2 = 0.5
@@ -68,11 +67,6 @@ def all_edges(rooms: list[Polygon]) -> tuple[FloatArray, FloatArray, IntArray]:
     kept = (ring[:-1] == ring[1:]) & (length > SHORTEST_EDGE_M)
     normals = turn_left(along[kept] / length[kept, None])
     return segments[kept], normals, room_of_ring[ring[:-1][kept]]
-
-
-def turn_left(vectors: FloatArray) -> FloatArray:
-    """Return vectors [..., 2] turned by +90 degrees."""
-    return np.stack([-vectors[..., 1], vectors[..., 0]], axis=-1)
 
 
 def extent(polygon: BaseGeometry) -> tuple[float, float, FloatArray]:

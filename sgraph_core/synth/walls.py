@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from shapely import Polygon
 
 from sgraph_concepts.types import FloatArray, IntArray
-from sgraph_core.geometry import dot, lines_of
-from sgraph_core.synth.polygons import turn_left
+from sgraph_core.geometry import dot, lines_of, turn_left
 
 __all__ = ["INTO_ROOM_M", "THICKEST_M", "WallGaps", "wall_gaps"]
 

@@ -139,6 +139,36 @@ def test_an_office_is_told_from_others_by_what_was_seen_through(
     assert found(graph) == ({(4 + side, 16 + side) for side in range(4)} if told else set())
 
 
+@pytest.mark.parametrize(("lines", "free"), [(2, True), (3, False)])
+def test_a_correction_may_block_three_in_a_hundred_lines_of_sight(
+    lines: int, free: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of 73: four from each of nine keyframes of either visit, and that to the partition."""
+    monkeypatch.setattr("visits.SEEING", 9)
+    graph = visit_rooms([(ROOM, (0, 0, 0)), (ROOM, (0.5, -0.3, 0))])
+    x, y = graph.keyframe(4).pose[:2]
+    half = 0.15 * lines + 0.2  # the ends do not count
+    graph.add_wall_surface(
+        8, [[x + 0.15 * (lines % 2 - 1) + s * half, 3] for s in (1, -1)], [0, -1]
+    )
+    graph.observe(8, 4, [0, -1, 0, 3 - y], [0.01, 0.02])
+    assert (found(graph) >= {(side, 4 + side) for side in range(4)}) is free
+
+
+@pytest.mark.parametrize(("others", "enough"), [(5, True), (7, False)])
+def test_a_correction_must_explain_much_of_what_might_be_known(others: int, enough: bool) -> None:
+    """The 8 m of a room, of as much again and 2 m for each surface that may be another one."""
+    graph = visit_rooms([(ROOM, (0, 0, 0)), (ROOM, (0.2, -0.1, 0))])
+    pairs = []
+    for surface in range(8, 8 + others):
+        graph.add_wall_surface(surface, [[surface, 9], [surface + 2, 9]], [0, -1])
+        graph.observe(surface, KEYFRAMES, [0, -1, 0, 7], [0.01, 0.02])
+        pairs.append((0, surface))
+    proposals = [*propose(graph, None, None), Proposal("zone", 0, pairs)]
+    same = {(side, 4 + side) for side in range(4)}
+    assert {pair.pair for pair in associate(graph, proposals).same} == (same if enough else set())
+
+
 @pytest.mark.usefixtures("proposing")
 @pytest.mark.parametrize("drift", [0.0, 0.5, 1.3])
 def test_the_next_office_of_a_row_is_not_taken_for_the_one_before(drift: float) -> None:

@@ -29,6 +29,7 @@ def drive(
     shared: Sequence[Wall] = (),
     pose: tuple[float, float, float] = (0, 0, 0),
     look_m: float | None = None,
+    later: int = LATER,
 ) -> tuple[SightLines, FloatArray]:
     """Return the lines of sight of two visits to one place, and the window's centre.
 
@@ -42,6 +43,7 @@ def drive(
         shared: those that the front end recognises, as mapped.
         pose: x, y, yaw of the map's frame in the world.
         look_m: where observations' points ``at`` lie, along x; by default at the robot.
+        later: row of the window's first keyframe.
     """
     x, y, yaw = pose
     turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
@@ -50,8 +52,8 @@ def drive(
         return np.asarray(points @ turn.T + [x, y])
 
     graph = SGraph()
-    for number in range(END):
-        at = DRIFT if number >= LATER else np.array([500.0 if number else 0.0, 0.0])
+    for number in range(later + 2):
+        at = DRIFT if number >= later else np.array([500.0 if number else 0.0, 0.0])
         graph.add_keyframe(number, row(np.array([*placed(at), yaw])))
 
     def see(surface: int, keyframe: int, distance: float) -> None:
@@ -67,10 +69,10 @@ def drive(
         see(add(wall, np.zeros(2)), 0, wall[0][1])
     for wall in shared:
         known = add(wall, np.zeros(2))
-        for keyframe in (0, LATER):
+        for keyframe in (0, later):
             see(known, keyframe, wall[0][1])
     for wall in newer:
-        see(add(wall, DRIFT), LATER, wall[0][1])
+        see(add(wall, DRIFT), later, wall[0][1])
     return SightLines(graph), placed(DRIFT)
 
 
@@ -136,3 +138,11 @@ def test_where_the_map_lies_does_not_matter(yaw: float) -> None:
 
 def test_without_walls_nothing_is_blocked() -> None:
     assert blocked(drive([], []), 0) == 0.0
+
+
+@pytest.mark.parametrize(("later", "known"), [(AWAY, False), (AWAY + 1, True)])
+def test_only_what_was_mapped_long_before_may_be_in_the_way(later: int, known: bool) -> None:
+    for older, newer in (([NEAR], [FAR]), ([FAR], [NEAR])):
+        sights, centre = drive(older, newer, later=later)
+        move = np.array([0.0, -10, 0])
+        assert (sights.blocked(later, later + 2, move, centre) > 0) is known
