@@ -73,6 +73,24 @@ def test_parallel_walls_alone_prove_nothing() -> None:
     assert found(graph) == set()
 
 
+def test_what_a_window_saw_first_does_not_fix_how_it_moves() -> None:
+    """Three parallel walls, and two small ones of the window itself that lie as far apart."""
+    ell = [(0, 0), (4.4, 0), (4.4, 2.6), (3, 2.6), (3, 4), (0, 4)]
+    graph = visit_rooms([(ell, (0, 0, 0)), (ell, (0.5, 0.5, 0))])
+    graph.concepts["room"] = []
+    x, y = graph.keyframe(KEYFRAMES).pose[:2]
+    for surface, (px, py) in enumerate([(x - 1.4, y), (x - 0.9, y + 0.5)], start=12):
+        graph.add_wall_surface(surface, [[px, py + 0.2], [px, py - 0.2]], [1, 0])
+        keyframe = KEYFRAMES + surface - 12
+        seen = graph.keyframe(keyframe).pose[0] - px
+        graph.observe(surface, keyframe, [1, 0, 0, seen], [0.01, 0.02])
+    parallel = [(side, 6 + side) for side in (0, 2, 4)]
+    both = [*parallel, (12, 13)]
+    moves = Proposal("zone", 0, both), Proposal("zone", 0, [*both, (1, 7)])
+    assert not associate(graph, moves[:1]).same
+    assert {pair.pair for pair in associate(graph, moves[1:]).same} == {*parallel, (1, 7)}
+
+
 @pytest.fixture(params=[None, 3.0], ids=["as shipped", "not as far as the next office"])
 def proposing(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Rooms propose surfaces farther away than an office is wide, or only nearer ones."""
