@@ -12,7 +12,7 @@ import shapely
 
 from sgraph_concepts.types import FloatArray
 from sgraph_core.backend.visits import AWAY
-from sgraph_core.geometry import dot, lines_of, meeting_box, turn_left
+from sgraph_core.geometry import dot, lines_of, turn_left
 from sgraph_core.graph import SGraph
 from sgraph_core.tables import turned
 
@@ -46,8 +46,10 @@ class SightLines:
         poses = graph.keyframes.poses[self._rows]
         at = (poses[:, :3] + turned(table.at[order], poses[:, 3:]))[:, :2]
         self._lines = _cleared(poses[:, :2], _nearest(surfaces.segments[self._of], at))
+        self._among_lines = shapely.STRtree(lines_of(self._lines))
         half = surfaces.tangents * (surfaces.lengths / 2 - LOOSE_M)[:, None]
         self._walls = np.stack([surfaces.midpoints - half, surfaces.midpoints + half], axis=1)
+        self._among_walls = shapely.STRtree(lines_of(self._walls))
         self._solid = surfaces.lengths > 2 * LOOSE_M
 
     def blocked(self, first: int, last: int, move: FloatArray, centre: FloatArray) -> float:
@@ -67,13 +69,17 @@ class SightLines:
         seen = np.zeros(len(self._since), bool)
         seen[self._of[start:end]] = True
         known = self._since < first - AWAY
-        lines = _moved(self._lines[start:end], move, centre)
-        walls = _moved(self._walls[self._solid & seen & ~known], move, centre)
-        others = self._walls[self._solid & known & ~seen]
-        blocked = _crossing(lines, others[meeting_box(others, lines)])
-        older = self._lines[:long_before]
-        older = older[meeting_box(older, walls)]
-        return (blocked + _crossing(older, walls)) / max(len(lines) + len(older), 1)
+        others = self._solid & known & ~seen
+        mine = self._solid & seen & ~known
+        lines = lines_of(_moved(self._lines[start:end], move, centre))
+        line, wall = self._among_walls.query(lines, predicate="intersects")
+        blocked = np.unique(line[others[wall]])
+        walls = lines_of(_moved(self._walls[mine], move, centre))
+        around = self._among_lines.query(shapely.multilinestrings(walls))  # boxes that meet
+        _, crossed = self._among_lines.query(walls, predicate="intersects")
+        older = np.unique(crossed[crossed < long_before])
+        judged = len(lines) + int(np.count_nonzero(around < long_before))
+        return (len(blocked) + len(older)) / max(judged, 1)
 
 
 def _nearest(segments: FloatArray, points: FloatArray) -> FloatArray:
@@ -93,11 +99,3 @@ def _cleared(eyes: FloatArray, points: FloatArray) -> FloatArray:
 
 def _moved(segments: FloatArray, move: FloatArray, centre: FloatArray) -> FloatArray:
     return np.asarray(segments + move[1:] + move[0] * turn_left(segments - centre))
-
-
-def _crossing(lines: FloatArray, walls: FloatArray) -> int:
-    """Return how many lines cross a wall."""
-    if not len(lines) or not len(walls):
-        return 0
-    tree = shapely.STRtree(lines_of(walls))
-    return len(np.unique(tree.query(lines_of(lines), predicate="intersects")[0]))

@@ -7,19 +7,14 @@ lets all proposed pairs vote.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+import shapely
 
-from sgraph_concepts.types import (
-    ConceptNode,
-    FactorContext,
-    FactorResult,
-    FloatArray,
-    IntArray,
-)
+from sgraph_concepts.types import ConceptNode, FactorContext, FactorResult, FloatArray
 from sgraph_core.backend.coincidence import coincidence
+from sgraph_core.geometry import boxes_of, lines_of
 
 __all__ = ["factors"]
 
@@ -28,36 +23,14 @@ FARTHEST_M = 5.0
 """How far off a copy may lie; so may the next room, which is for the votes to tell."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Boxes:
-    """The boxes around N surfaces.
-
-    Attributes:
-        low, high: their corners, [2, N].
-    """
-
-    low: FloatArray
-    high: FloatArray
-
-    @classmethod
-    def around(cls, segments: FloatArray) -> _Boxes:
-        one, two = np.ascontiguousarray(segments.transpose(1, 2, 0))
-        return cls(np.minimum(one, two), np.maximum(one, two))
-
-    def near(self, segments: FloatArray) -> IntArray:
-        """Return which boxes come close to the box around some segments."""
-        left, bottom = segments.min(axis=(0, 1)) - FARTHEST_M
-        right, top = segments.max(axis=(0, 1)) + FARTHEST_M
-        beside = (self.high[0] >= left) & (self.low[0] <= right)
-        return np.flatnonzero(beside & (self.high[1] >= bottom) & (self.low[1] <= top))
-
-
 def factors(node: ConceptNode, context: FactorContext) -> FactorResult:
     """Return the pairs of surfaces that may be one surface of this room seen twice."""
     if not context.segments:
         return FactorResult()
-    boxes = context.memory.recall("boxes", partial(_Boxes.around, context.surfaces.segments))
-    surfaces = context.surfaces.take(boxes.near(np.array(list(context.segments.values()))))
+    index = context.memory.recall("index", partial(_index, context.surfaces.segments))
+    corners = np.concatenate(list(context.segments.values()))
+    near = index.query(boxes_of(corners[None], FARTHEST_M)[0])
+    surfaces = context.surfaces.take(np.sort(near))
     mine = np.flatnonzero(np.isin(surfaces.ids, list(context.segments)))
     alike = surfaces.normals[mine] @ surfaces.normals.T >= np.cos(SAME_ANGLE_RAD)
     alike[:, mine] &= mine[:, None] < mine  # two members would come in both orders
@@ -66,3 +39,7 @@ def factors(node: ConceptNode, context: FactorContext) -> FactorResult:
     twice = (lie.overlaps >= -FARTHEST_M) & (np.abs(lie.gaps) <= FARTHEST_M)
     pairs = surfaces.ids[np.stack([mine[which], two], axis=1)[twice]]
     return FactorResult(same=[(first, second) for first, second in pairs.tolist()])
+
+
+def _index(segments: FloatArray) -> shapely.STRtree:
+    return shapely.STRtree(lines_of(segments))
