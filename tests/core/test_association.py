@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 from plans import Point, rectangle, regular
-from visits import KEYFRAMES, visit_rooms
+from visits import AWAY, KEYFRAMES, visit_rooms
 
 from sgraph_concepts.errors import ConceptError
 from sgraph_concepts.types import ConceptNode, NodeShape
@@ -112,18 +114,27 @@ def test_an_office_that_may_be_either_of_two_is_taken_for_neither(shift: float) 
     assert found(visit_rooms([*row, (office(1), (shift, 0, 0))])) == set()
 
 
-@pytest.mark.parametrize("count", [2, 3])
-@pytest.mark.parametrize("pitch", [2.8, PITCH])
-@pytest.mark.parametrize("drift", [0.0, -0.6, -1.0])
+@given(
+    known=st.integers(1, 2),
+    pitch=st.floats(2.8, 5.5),
+    depth=st.floats(3, 6),
+    away=st.integers(AWAY, 60),
+    drift=st.tuples(st.floats(-0.4, 0.4), st.floats(-0.5, 0.5), st.floats(-0.04, 0.04)),
+)
+@example(known=1, pitch=2.8, depth=5, away=40, drift=(0, 0, 0))
+@example(known=1, pitch=PITCH, depth=5, away=40, drift=(-0.25, 0, 0))
+@settings(max_examples=60, deadline=None)
 def test_a_new_office_is_not_the_one_before_because_drift_might_explain_it(
-    count: int, pitch: float, drift: float, monkeypatch: pytest.MonkeyPatch
+    known: int, pitch: float, depth: float, away: int, drift: tuple[float, float, float]
 ) -> None:
-    """After a long way; no third office shows that they repeat, but it may as well be beside it."""
-    monkeypatch.setattr("visits.AWAY", 40)
-    row = [rectangle(number * pitch, 0, pitch - 0.2, 5) for number in range(count)]
-    drifts = [*[0.0] * (count - 1), drift]
-    visited = [(outline, (x, 0, 0)) for outline, x in zip(row, drifts, strict=True)]
-    assert found(visit_rooms(visited)) == set()
+    """Drift is up to 0.4 times its width; no third office has to show that they repeat."""
+    row = [rectangle(number * pitch, 0, pitch - 0.2, depth) for number in range(known + 1)]
+    x, y, yaw = drift
+    drifts = [*[(0, 0, 0)] * known, (x * pitch, y, yaw)]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("visits.AWAY", away)
+        graph = visit_rooms(list(zip(row, drifts, strict=True)))
+    assert found(graph) == set()
 
 
 def test_a_copy_that_lies_in_the_way_does_not_hide_another() -> None:
