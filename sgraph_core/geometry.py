@@ -73,11 +73,9 @@ def meeting_box(segments: FloatArray, others: FloatArray, margin: float = 0.0) -
 
     Args:
         segments: whose boxes.
-        others: any number of them, [M, 2, 2]; none meets the box around nothing.
+        others: one or more, [M, 2, 2].
         margin: how far the box reaches beyond the others.
     """
-    if not len(others):
-        return np.zeros(len(segments), bool)
     low, high = others.min(axis=(0, 1)) - margin, others.max(axis=(0, 1)) + margin
     one, two = segments[:, 0], segments[:, 1]
     meets = (np.minimum(one, two) <= high) & (np.maximum(one, two) >= low)

@@ -218,7 +218,7 @@ class _Drive:
     def is_free_within(
         self, first: int, shift_m: float, turn_rad: float, centre: FloatArray
     ) -> bool:
-        """Return whether so small a correction of a window is free; these are tried from 0 on."""
+        """Return whether a correction of a window with so small a shift and angle is free."""
         ways, turns = np.linspace(-1, 1, 7) * shift_m, np.linspace(-1, 1, 5) * turn_rad
         moves = np.stack(np.meshgrid(turns, ways, ways), axis=-1).reshape(-1, 3)
         shifts = np.linalg.norm(moves[:, 1:], axis=1)

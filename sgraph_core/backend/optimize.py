@@ -80,8 +80,9 @@ def optimize(
     own observations have straightened. Then, round by round, surfaces that are one are tied, the
     graph is solved, and factors that fit badly (chi-squared test at 0.1 %) are switched off: a
     wrong detection must not bend the map. A tie makes the map surer of itself, so that the next
-    round may see others; the rounds end when there are none, or after four. Where the map has
-    moved far, nodes' factors are made anew, and those that were switched off get another chance.
+    round may see others; the rounds end when there are none, or after four. Where ties have
+    moved the map far, the next round makes nodes' factors anew, and those that were switched off
+    get another chance.
 
     Args:
         graph: the S-Graph; it is not changed.
@@ -102,15 +103,19 @@ def optimize(
     values, iterations = solve(low.graph, low.values)
     current = moved(graph, low, values, keys)
     concepts = concept_factors(current, keys, factor_types, registry, same=())
-    made_of, fresh = current, bool(concepts.groups)
+    factors, proposals, made_of = low.graph, concepts.proposals, current
     found, refusals = Association(), list[Refusal]()
-    factors, proposals = low.graph, concepts.proposals
+    anew = concepts if concepts.groups else None
     for _ in range(MOST_ROUNDS):
         new = associate(current, proposals, found)
-        if not (new.same or fresh):
+        if not (new.same or anew):
             break
         found = found.with_(new)
-        concepts = with_ties(concepts, new.same, current, keys)
+        if anew:
+            concepts = with_ties(anew, found.same, current, keys)
+            refusals = [refusal for refusal in refusals if refusal.surfaces]
+        else:
+            concepts = with_ties(concepts, new.same, current, keys)
         low, solution = _solve(graph, found, low, concepts, values, keys, refusals)
         factors, values = solution.factors, solution.values
         refusals = list(solution.refusals)
@@ -118,13 +123,11 @@ def optimize(
         current = moved(graph, low, values, keys)
         if not new.same:
             break
-        proposals = propose(current, factor_types, registry)
-        fresh = _is_far(made_of, current)
-        if fresh:
-            made_of = current
-            concepts = concept_factors(current, keys, factor_types, registry, same=())
-            concepts = with_ties(concepts, found.same, current, keys)
-            refusals = [refusal for refusal in refusals if refusal.surfaces]
+        if _is_far(made_of, current):
+            anew = concept_factors(current, keys, factor_types, registry, same=())
+            proposals, made_of = anew.proposals, current
+        else:
+            anew, proposals = None, propose(current, factor_types, registry)
     return Optimization(
         current,
         values,

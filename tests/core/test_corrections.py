@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from plans import plan, rectangle
@@ -38,6 +40,13 @@ def test_fewer_than_three_sides_fix_no_correction(sides: list[int]) -> None:
     assert not len(corrections_of(votes((0.6, -0.4), sides), SPREAD, CENTRE).moves)
 
 
+def test_what_the_front_end_recognised_proposes_no_correction_alone() -> None:
+    room = votes((0.6, -0.4), [0, 1, 2, 3])
+    for held, any_is_found in ((4, False), (3, True)):
+        some = replace(room, held=np.arange(4) < held)
+        assert bool(len(corrections_of(some, SPREAD, CENTRE).moves)) is any_is_found
+
+
 def test_support_that_is_left_must_fix_a_correction_still() -> None:
     """Of a room and the next one in its row: without a side across, what is left is parallel."""
     rooms = [rectangle(x, y, 5, 4) for x, y in ((0, 0), (5.2, 0), (0.6, -0.4), (5.8, -0.4))]
@@ -59,9 +68,10 @@ def test_what_drift_does_not_explain_is_not_possible() -> None:
 
 
 def test_a_correction_that_another_one_follows() -> None:
-    first, then = np.array([0.0, 2.0, -1.0]), np.array([0.3, 0.5, 4.0])
+    first, then = np.array([1e-4, 2.0, -1.0]), np.array([0.3, 0.5, 4.0])
     about, points = np.array([-7.0, 2.0]), np.array([[0.0, 0.0], [10.0, -3.0]])
     both = composed(first, CENTRE, then, about)
     assert moved(points, both, CENTRE) == pytest.approx(
-        moved(moved(points, first, CENTRE), then, about)
+        moved(moved(points, first, CENTRE), then, about), abs=1e-3
     )
+    assert both[0] == pytest.approx(0.3001)
