@@ -8,7 +8,8 @@ every pair that it explains supports it, and so does every surface that the fron
 itself and that the correction leaves in place. A correction that puts walls where keyframes looked
 through is wrong, whatever supports it. One that does not is accepted when enough walls support it,
 and when neither another one nor what it would tear apart has nearly as much support: of equal doors
-in a row each explains what is seen, and none is taken.
+in a row each explains what is seen, and none is taken. Nor is a long one where a much shorter one
+leaves what was seen in view: the place may be new.
 """
 
 from __future__ import annotations
@@ -222,7 +223,7 @@ class _Drive:
         ways, turns = np.linspace(-1, 1, 7) * shift_m, np.linspace(-1, 1, 5) * turn_rad
         moves = np.stack(np.meshgrid(turns, ways, ways), axis=-1).reshape(-1, 3)
         shifts = np.linalg.norm(moves[:, 1:], axis=1)
-        order = np.lexsort((np.abs(moves[:, 0]), shifts))
+        order = np.lexsort((np.abs(moves[:, 0]), shifts))  # to stay is what most often is free
         near = order[shifts[order] <= shift_m]
         return any(self.is_free(first, move, centre) for move in moves[near])
 
