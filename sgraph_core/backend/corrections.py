@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from sgraph_concepts.types import FloatArray, IntArray
-from sgraph_core.backend.votes import Votes, of_groups
+from sgraph_core.backend.votes import Votes
 from sgraph_core.geometry import cross, dot, turn_left
 
 __all__ = ["REJECTION", "Corrections", "composed", "corrections_of", "possible"]
@@ -39,10 +39,9 @@ class Corrections:
 
     def fixed_by(self, votes: Votes) -> Corrections:
         """Return those that enough surfaces support, not all parallel, one of them proposed."""
-        _, group = np.unique(votes.pairs[:, 1], return_inverse=True)
         across = self.support.astype(np.float64) @ _crossing(votes) > 0
         fixed = (across & self.support).any(axis=1)
-        fixed &= of_groups(self.support, group).sum(axis=1) >= FEWEST
+        fixed &= votes.newer_in(self.support).sum(axis=1) >= FEWEST
         fixed &= (self.support & ~votes.held).any(axis=1)
         return Corrections(self.moves[fixed], self.support[fixed])
 

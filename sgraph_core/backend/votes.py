@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from sgraph_core.backend.coincidence import coincidence
 from sgraph_core.backend.visits import Visits
 from sgraph_core.graph import SGraph
 
-__all__ = ["MOST_SUPPORT_M", "Votes", "of_groups", "votes_of_pairs", "votes_of_rows"]
+__all__ = ["MOST_SUPPORT_M", "Votes", "votes_of_pairs", "votes_of_rows"]
 
 NOISE_RAD, NOISE_M = 0.03, 0.06
 """How well a correction must explain a pair, as standard deviations."""
@@ -75,19 +76,19 @@ class Votes:
         """
         ends = self.segments[:, 1]
         lengths = np.minimum(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), MOST_SUPPORT_M)
+        first, _ = self._newer
+        return np.asarray(self.newer_in(support) @ lengths[first])
+
+    def newer_in(self, support: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return which of the newer surfaces are in sets of pairs [C, P], [C, surfaces]."""
+        _, member = self._newer
+        return np.asarray(support.astype(np.float64) @ member > 0)
+
+    @cached_property
+    def _newer(self) -> tuple[IntArray, NDArray[np.bool_]]:
+        """A pair of each newer surface, and which pairs are of which, [P, surfaces]."""
         _, first, group = np.unique(self.pairs[:, 1], return_index=True, return_inverse=True)
-        return np.asarray(of_groups(support, group) @ lengths[first])
-
-
-def of_groups(support: NDArray[np.bool_], group: IntArray) -> NDArray[np.bool_]:
-    """Return which groups of pairs have one in each set, [C, groups].
-
-    Args:
-        support: which pairs are in each set, [C, P].
-        group: of each pair, numbered from 0, [P].
-    """
-    member = group[:, None] == np.arange(group.max(initial=-1) + 1)
-    return np.asarray(support.astype(np.float64) @ member > 0)
+        return first, group[:, None] == np.arange(len(first))
 
 
 def votes_of_pairs(
