@@ -31,6 +31,7 @@ from sgraph_core.frontend.odometry import DRIFT, Drift, drifting_odometry
 from sgraph_core.frontend.planar import as_rows, between
 from sgraph_core.frontend.recording import Recording
 from sgraph_core.frontend.surfaces import EXTRACTION, Extraction, Scan, extract_surfaces
+from sgraph_core.tables import LARGEST_COORDINATE_M
 
 __all__ = ["CarmenLog", "read_carmen", "record"]
 
@@ -43,6 +44,8 @@ MOST_BEAMS = 10_000
 BEAMS_OF_100_DEGREES = 401
 LONGEST_LINE = 1_000_000
 LARGEST_NUMBER = 1e12
+ABOUT_M = 100.0
+"""Poses are shifted by a multiple of this, since planes far from the origin are ill conditioned."""
 FEWEST_KEYFRAMES = 2
 
 
@@ -97,8 +100,9 @@ def record(
 ) -> Recording:
     """Return a log's keyframes as a recording with drifting odometry of a seed.
 
-    A keyframe is taken every 0.5 m or 20 degrees. Stamps are the logger's where they ascend, else
-    they count the keyframes: some logs hold times of too few digits.
+    A keyframe is taken every 0.5 m or 20 degrees. The reference begins within 100 m of the origin:
+    a log in UTM coordinates is shifted by whole hundreds of metres. Stamps are the logger's where
+    they ascend, else they count the keyframes: some logs hold times of too few digits.
 
     Raises:
         InputError: the robot hardly moves, so that there is only one keyframe.
@@ -107,6 +111,7 @@ def record(
     if len(rows) < FEWEST_KEYFRAMES:
         raise InputError(f"{log.name}: the robot does not move {KEYFRAME_M:g} m or 20 degrees")
     poses, stamps = log.poses[rows], log.stamps[rows]
+    poses[:, :2] -= ABOUT_M * np.round(poses[0, :2] / ABOUT_M)
     odometry, sigmas = drifting_odometry(poses, drift, np.random.default_rng(seed))
     scans = tuple(log.scans[row] for row in rows)
     return Recording(
@@ -152,12 +157,12 @@ _Message = tuple[float, FloatArray, FloatArray]
 def _flaser(fields: list[str]) -> _Message:
     count = _count("number of ranges", fields[:1])
     _need(fields, 1 + count + 9)
-    values = _numbers(fields[1 : 1 + count + 6])
+    ranges, pose = _numbers(fields[1 : 1 + count]), _pose(fields[1 + count : 4 + count])
     field_of_view = 100.0 if count == BEAMS_OF_100_DEGREES else 180.0
-    steps = count - count % 2  # 180 and 181 ranges are both one degree apart
+    steps = max(count - count % 2, 1)  # 180 and 181 ranges are both one degree apart
     angles = np.radians(field_of_view) * (np.arange(count) / steps - 0.5)
     (stamp,) = _numbers(fields[count + 9 : count + 10])
-    return stamp, values[count : count + 3], _points(values[:count], angles, FARTHEST_M)
+    return stamp, pose, _points(ranges, angles, FARTHEST_M)
 
 
 def _robotlaser(fields: list[str]) -> _Message:
@@ -171,7 +176,7 @@ def _robotlaser(fields: list[str]) -> _Message:
     angles = start + step * np.arange(count)
     ranges = _numbers(fields[8 : 8 + count])
     (stamp,) = _numbers(fields[first + 13 : first + 14])
-    pose = _numbers(fields[first : first + 3])
+    pose = _pose(fields[first : first + 3])
     return stamp, pose, _points(ranges, angles, min(farthest, FARTHEST_M))
 
 
@@ -205,3 +210,11 @@ def _numbers(fields: list[str]) -> FloatArray:
     if bad.any():
         raise ValueError("ranges, poses and times must be finite numbers")
     return values
+
+
+def _pose(fields: list[str]) -> FloatArray:
+    pose = _numbers(fields)
+    if (np.abs(pose[:2]) > LARGEST_COORDINATE_M).any():
+        x, y = pose[:2].tolist()
+        raise ValueError(f"pose at ({x:g}, {y:g}): must be within {LARGEST_COORDINATE_M:g} m")
+    return pose

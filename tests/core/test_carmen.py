@@ -118,6 +118,19 @@ def test_damaged_and_missing_files_are_named(tmp_path: Path) -> None:
         read_carmen(tmp_path / "absent.log")
 
 
+def test_where_a_log_has_its_origin_does_not_matter() -> None:
+    poses = np.array([[x, 0.5, 0.1] for x in np.arange(0, 5, 0.5)])
+    scans = [np.array([[3.0, y] for y in np.arange(-2, 2, 0.05)])] * len(poses)
+    logs = [
+        CarmenLog("moved", np.arange(10.0), poses + np.array([*by, 0]), scans)
+        for by in ((0, 0), (5e5, 5e6))
+    ]
+    here, there = (record(log, 0) for log in logs)
+    assert there.reference == pytest.approx(here.reference, abs=1e-8)
+    assert there.odometry == pytest.approx(here.odometry, abs=1e-8)
+    assert logs[1].poses[0].tolist() == [5e5, 5e6 + 0.5, 0.1], "the log stays as it is"
+
+
 def test_a_robot_that_stands_still_leaves_no_recording(tmp_path: Path) -> None:
     log = read_carmen(write(tmp_path / "a.log", flaser([1, 2, 3]) * 5))
     with pytest.raises(InputError, match="does not move"):
