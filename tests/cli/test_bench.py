@@ -102,6 +102,11 @@ def assert_one_line(run: Any, text: str) -> None:
         (["paper", "--range", "nan"], "range_m = nan: must be a positive number"),
         (["lidar", "absent.log"], "absent.log: cannot be read"),
         (["lidar", "README.md"], "is no Carmen log"),
+        (["lidar", "README.md", "--json", "./README.md"], "is a log that is read"),
+        (
+            ["paper", "--json", "absent/out.json"],
+            "out.json: must be a file in a folder that exists",
+        ),
     ],
 )
 def test_bad_input_is_one_line(

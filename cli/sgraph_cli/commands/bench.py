@@ -195,8 +195,11 @@ def lidar(
 
     The same command goes on with an interrupted run.
     """
+    from sgraph_concepts.errors import InputError
     from sgraph_core.evaluation.slam.drives import Conditions, log_drives
 
+    if json_ is not None and json_.resolve() in [log.resolve() for log in logs]:
+        raise InputError(f"{json_}: is a log that is read, and is not replaced")
     conditions = Conditions(drift)
     drives = log_drives(logs, conditions)
     _compare(drives, conditions, seeds, json_, output, paper_weights, paper=False)
@@ -212,12 +215,15 @@ def _compare(
     *,
     paper: bool,
 ) -> None:
+    from sgraph_concepts.errors import InputError
     from sgraph_core.concepts import installed
     from sgraph_core.evaluation.slam.results import Store
     from sgraph_core.evaluation.slam.study import run_study, settings
     from sgraph_core.evaluation.slam.tables import tables, write_json
 
     warn_about_plugins(list(installed().problems))
+    if json_ is not None and (json_.is_dir() or not json_.absolute().parent.is_dir()):
+        raise InputError(f"{json_}: must be a file in a folder that exists")
     store = Store(output, settings(conditions, paper_weights))
     with progress() as report:
         results = run_study(drives, seeds, store, report, paper_weights)

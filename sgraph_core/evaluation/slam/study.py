@@ -141,7 +141,9 @@ def _run_task(
         try:
             results.append(measure(trial, VARIANTS[name], detectors))
         except (InputError, OptimizationError) as error:
-            raise type(error)(f"{drive.name}, seed {seed}, {name}: {error}") from error
+            # a kind of InputError may ask for more than a text
+            kind = InputError if isinstance(error, InputError) else OptimizationError
+            raise kind(f"{drive.name}, seed {seed}, {name}: {error}") from error
     return results
 
 
