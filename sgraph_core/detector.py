@@ -17,7 +17,6 @@ from sgraph_concepts.spec import WALL_SURFACE
 from sgraph_concepts.types import (
     Cluster,
     ConceptNode,
-    FloatArray,
     IntArray,
     NodeShape,
     OccupancyGrid,
@@ -316,7 +315,7 @@ class Inference:
             problem = _problem_of_shapes(shapes, rows)
             if problem:
                 raise ConceptError(f"shape of concept {concept.spec.name!r} {problem}")
-        return {node: _at(shapes[node], scene.origin) for node in rows}
+        return {node: shapes[node].shifted(scene.origin) for node in rows}
 
     def _call(self, name: str, kind: str, chosen: str | None, *arguments: object) -> Any:
         """Return what a concept's declared or chosen part makes of its arguments."""
@@ -357,7 +356,7 @@ def _scene_of_nodes(nodes: Sequence[ConceptNode], scene: Scene) -> Scene:
     centres = np.array([node.shape.centre or (np.nan, np.nan) for node in nodes]).reshape(-1, 2)
     distances = np.linalg.norm(centres[one] - centres[two], axis=1)
     pairs = np.stack([one, two], axis=1).astype(np.int64)
-    local = [replace(node, shape=_at(node.shape, -scene.origin)) for node in nodes]
+    local = [replace(node, shape=node.shape.shifted(-scene.origin)) for node in nodes]
     visibility = np.empty((len(pairs), 0))
     return Scene(
         scene.surfaces, scene.origin, pairs, distances, visibility, nodes=local, grid=scene.grid
@@ -374,18 +373,3 @@ def _middle(rows: IntArray, scene: Scene) -> NodeShape:
         return NodeShape()
     x, y = known.mean(axis=0).tolist()
     return NodeShape(centre=(x, y))
-
-
-def _at(shape: NodeShape, origin: FloatArray) -> NodeShape:
-    """Return a shape moved by the scene's origin."""
-    x, y = origin.tolist()
-
-    def ring(points: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
-        return tuple((px + x, py + y) for px, py in points)
-
-    return replace(
-        shape,
-        centre=None if shape.centre is None else ring([shape.centre])[0],
-        polygon=None if shape.polygon is None else ring(shape.polygon),
-        holes=tuple(ring(hole) for hole in shape.holes),
-    )

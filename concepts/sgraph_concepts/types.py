@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -234,6 +234,20 @@ class NodeShape:
     thickness: float | None = None
     attributes: Mapping[str, Any] = field(default_factory=dict)
 
+    def shifted(self, by: FloatArray) -> NodeShape:
+        """Return the shape moved by a vector, [2]; attributes stay."""
+        x, y = by.tolist()
+
+        def ring(points: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
+            return tuple((px + x, py + y) for px, py in points)
+
+        return replace(
+            self,
+            centre=None if self.centre is None else ring([self.centre])[0],
+            polygon=None if self.polygon is None else ring(self.polygon),
+            holes=tuple(ring(hole) for hole in self.holes),
+        )
+
 
 @dataclass(frozen=True)
 class ConceptNode:
@@ -256,17 +270,22 @@ class ConceptNode:
 
 @dataclass(frozen=True, eq=False)
 class FactorContext:
-    """What a node's factors may refer to.
+    """What a node's factors may refer to, in the coordinates of the factor graph.
 
     Attributes:
         plane_keys: gtsam key of each member's plane; a surface that no keyframe observed has none.
-        planes: the same planes in the world, nx, ny, nz, d with n.x + d = 0, [4] each.
+        planes: the same planes, nx, ny, nz, d with n.x + d = 0, [4] each.
         segments: endpoints of the same surfaces, [2, 2] each.
         nodes: all nodes of the concept.
         new_key: key of the node's own variable of the given number, counted from 0.
         surfaces: all surfaces of the map that some keyframe observed, members or not.
+        first_seen: number, in the order of the drive, of the keyframe that first observed each
+            member that has a plane: how far apart two were mapped in time tells how much drift may
+            lie between them.
         memory: shared by all nodes that come with the same ``nodes`` and ``surfaces``: what follows
             from these need not be computed for each node.
+        origin: world position of the coordinates' (0, 0), [2]; coordinates in the attributes of a
+            node's shape are the world's in any case.
     """
 
     plane_keys: Mapping[int, int]
@@ -275,7 +294,9 @@ class FactorContext:
     nodes: Sequence[ConceptNode]
     new_key: Callable[[int], int]
     surfaces: SurfaceArrays = field(default_factory=_no_surfaces)
+    first_seen: Mapping[int, int] = field(default_factory=dict)
     memory: Memory = field(default_factory=Memory)
+    origin: FloatArray = field(default_factory=partial(np.zeros, 2))
 
 
 @dataclass(frozen=True)

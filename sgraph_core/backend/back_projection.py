@@ -16,7 +16,7 @@ from sgraph_core.backend.low_layers import LowLayers, pose_row
 from sgraph_core.geometry import dot
 from sgraph_core.graph import SGraph
 
-__all__ = ["carried", "moved", "planes_of"]
+__all__ = ["carried", "moved", "planes_of", "shifted"]
 
 NEAR_M = 0.5
 """A corner of an outline follows the members that pass this close to it."""
@@ -39,6 +39,21 @@ def moved(graph: SGraph, low: LowLayers, values: gtsam.Values, keys: Keys) -> SG
     for name, nodes in graph.concepts.items():
         if graph.groups.get(name, WALL_SURFACE) == WALL_SURFACE:
             result.concepts[name] = _followed(nodes, graph, result)
+    return result
+
+
+def shifted(graph: SGraph, by: FloatArray) -> SGraph:
+    """Return an S-Graph whose keyframes, surfaces and nodes are moved by a vector, [3].
+
+    Its grid and its truth stay where they are.
+    """
+    if not by.any():
+        return graph
+    poses = graph.keyframes.poses + np.array([*by, 0, 0, 0, 0])
+    table = graph.wall_surfaces
+    result = graph.moved(poses, table.segments + by[:2], table.normals)
+    for name, nodes in graph.concepts.items():
+        result.concepts[name] = [replace(node, shape=node.shape.shifted(by[:2])) for node in nodes]
     return result
 
 

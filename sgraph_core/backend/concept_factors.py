@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import gtsam
@@ -16,6 +16,8 @@ from sgraph_concepts.types import (
     ConceptNode,
     FactorContext,
     FactorResult,
+    FloatArray,
+    IntArray,
     Memory,
     SurfaceArrays,
 )
@@ -36,6 +38,7 @@ __all__ = [
     "factor_context",
     "factor_functions",
     "made_by",
+    "observed_surfaces",
     "propose",
     "ties",
     "with_ties",
@@ -93,6 +96,7 @@ def concept_factors(
     factor_types: Mapping[str, str] | None = None,
     registry: Registry | None = None,
     same: Sequence[Same] | None = None,
+    origin: FloatArray | None = None,
 ) -> ConceptFactors:
     """Return the factors of all nodes of an S-Graph.
 
@@ -108,6 +112,7 @@ def concept_factors(
         same: the pairs of surfaces to tie, or None to find them: of those that the nodes propose,
             the ones that :func:`sgraph_core.backend.association.associate` accepts. For that the
             low layers of the S-Graph should be solved.
+        origin: world position of the S-Graph's (0, 0), [2], for factors that refer to the world.
 
     Raises:
         InputError: a node breaks the map file's rules.
@@ -121,7 +126,7 @@ def concept_factors(
     surfaces = np.unique(graph.observations.surface_ids).tolist()
     of_surface = world_planes(graph)
     planes = {keys.surface(i): of_surface[graph.surface_row(i)] for i in surfaces}
-    for name, node, result in _results(graph, keys, factor_types or {}, registry):
+    for name, node, result in _results(graph, keys, factor_types or {}, registry, origin):
         check_factors(f"factor of {name} {node.id}", result, planes, collected.values)
         collected.add(name, node.id, (), result)
         collected.proposals.append(Proposal(name, node.id, result.same))
@@ -146,13 +151,16 @@ def with_ties(
 
 
 def propose(
-    graph: SGraph, factor_types: Mapping[str, str] | None, registry: Registry | None
+    graph: SGraph,
+    factor_types: Mapping[str, str] | None,
+    registry: Registry | None,
+    origin: FloatArray | None = None,
 ) -> list[Proposal]:
     """Return the pairs of surfaces that the nodes of an S-Graph take for one."""
     registry = registry if registry is not None else installed()
     return [
         Proposal(name, node.id, result.same)
-        for name, node, result in _results(graph, Keys(), factor_types or {}, registry)
+        for name, node, result in _results(graph, Keys(), factor_types or {}, registry, origin)
     ]
 
 
@@ -202,19 +210,34 @@ def ties(same: Sequence[Same], graph: SGraph, keys: Keys) -> list[FactorResult]:
 
 
 def _results(
-    graph: SGraph, keys: Keys, factor_types: Mapping[str, str], registry: Registry
+    graph: SGraph,
+    keys: Keys,
+    factor_types: Mapping[str, str],
+    registry: Registry,
+    origin: FloatArray | None,
 ) -> Iterator[tuple[str, ConceptNode, FactorResult]]:
     grouping = [concept for concept in registry if concept.spec.groups == WALL_SURFACE]
     there = [concept for concept in grouping if graph.concepts.get(concept.spec.name)]
-    ids = np.unique(graph.observations.surface_ids).tolist()
-    rows = np.array([graph.surface_row(i) for i in ids], np.int64)
-    observed = graph.wall_surfaces.ordered().take(rows)
-    row_of = {surface: row for row, surface in enumerate(ids)}
+    observed, first_seen = observed_surfaces(graph)
+    row_of = {surface: row for row, surface in enumerate(observed.ids.tolist())}
     for name, make in factor_functions(registry, there, factor_types).items():
         nodes, memory = graph.concepts[name], Memory()
         for node in nodes:
-            context = factor_context(name, node, nodes, keys, observed, row_of, memory)
+            context = factor_context(name, node, nodes, keys, observed, first_seen, row_of, memory)
+            if origin is not None:
+                context = replace(context, origin=origin)
             yield name, node, made_by(make, name, node, context)
+
+
+def observed_surfaces(graph: SGraph) -> tuple[SurfaceArrays, IntArray]:
+    """Return the observed surfaces, by id, and the rows of the keyframes that did so first."""
+    table = graph.observations
+    ids, which = np.unique(table.surface_ids, return_inverse=True)
+    by = np.array([graph.keyframe_row(i) for i in table.keyframe_ids.tolist()], np.int64)
+    first = np.full(len(ids), len(graph.keyframes.ids))
+    np.minimum.at(first, which, by)
+    rows = np.array([graph.surface_row(i) for i in ids.tolist()], np.int64)
+    return graph.wall_surfaces.ordered().take(rows), first
 
 
 def factor_context(
@@ -223,6 +246,7 @@ def factor_context(
     nodes: Sequence[ConceptNode],
     keys: Keys,
     observed: SurfaceArrays,
+    first_seen: IntArray,
     rows: Mapping[int, int],
     memory: Memory,
 ) -> FactorContext:
@@ -234,6 +258,7 @@ def factor_context(
         nodes: all nodes of the concept.
         keys: of surfaces and nodes.
         observed: the surfaces that some keyframe observed.
+        first_seen: the row of the first keyframe that observed each, likewise.
         rows: theirs, by id.
         memory: of what the function computes once for all of these nodes.
     """
@@ -248,6 +273,7 @@ def factor_context(
         nodes,
         partial(keys.node, concept, node.id),
         observed,
+        dict(zip(members, first_seen[own].tolist(), strict=True)),
         memory,
     )
 

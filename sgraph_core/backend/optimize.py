@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import gtsam
 import numpy as np
 
 from sgraph_concepts.registry import Registry
+from sgraph_concepts.types import FloatArray
 from sgraph_core.backend.association import Association, associate
-from sgraph_core.backend.back_projection import moved
+from sgraph_core.backend.back_projection import moved, shifted
 from sgraph_core.backend.concept_factors import (
     ConceptFactors,
     concept_factors,
@@ -31,6 +33,8 @@ from sgraph_core.nodes import check_nodes
 
 __all__ = ["Optimization", "optimize"]
 
+ABOUT_M = 100.0
+"""The origin of the solved graph is a multiple of this: maps near the world's stay as they are."""
 MOST_ROUNDS = 4
 ANEW_M = 0.3
 """Factors are made of how nodes were mapped: a map that has moved by more needs them anew."""
@@ -44,7 +48,8 @@ class Optimization:
 
     Attributes:
         graph: the S-Graph with keyframes, surfaces and shapes of nodes moved.
-        values: gtsam's solution.
+        origin: world position of the (0, 0, 0) that the graph was solved about, [3].
+        values: gtsam's solution, in coordinates about ``origin``.
         initial_error, final_error: half the sum of squared whitened residuals: of the low layers
             before, of the whole graph afterwards.
         factors: number of factors in the last round.
@@ -55,6 +60,7 @@ class Optimization:
     """
 
     graph: SGraph
+    origin: FloatArray
     values: gtsam.Values
     initial_error: float
     final_error: float
@@ -84,6 +90,9 @@ def optimize(
     moved the map far, the next round makes nodes' factors anew, and those that were switched off
     get another chance.
 
+    The graph is solved about an origin amid the keyframes: a plane turns about the origin of the
+    coordinates, and the farther off that is, the worse the problem is conditioned.
+
     Args:
         graph: the S-Graph; it is not changed.
         factor_types: by concept, another factor type than the declared one; see
@@ -97,12 +106,32 @@ def optimize(
         ConceptError: a factor type is unknown, or a plugin's factors are not fit for a graph.
     """
     check_nodes(graph.concepts, set(graph.wall_surfaces.ids.tolist()))
+    positions = graph.keyframes.poses[:, :3]
+    origin = ABOUT_M * np.round(positions.mean(axis=0) / ABOUT_M) if len(positions) else np.zeros(3)
+    solved = _optimize(shifted(graph, -origin), origin, factor_types, registry)
+    return replace(solved, graph=shifted(solved.graph, origin))
+
+
+def _optimize(
+    graph: SGraph,
+    origin: FloatArray,
+    factor_types: Mapping[str, str] | None,
+    registry: Registry | None,
+) -> Optimization:
     keys = Keys()
+    make = partial(
+        concept_factors,
+        keys=keys,
+        factor_types=factor_types,
+        registry=registry,
+        same=(),
+        origin=origin[:2],
+    )
     low = low_layers(graph, keys)
     initial = low.graph.error(low.values)
     values, iterations = solve(low.graph, low.values)
     current = moved(graph, low, values, keys)
-    concepts = concept_factors(current, keys, factor_types, registry, same=())
+    concepts = make(current)
     factors, proposals, made_of = low.graph, concepts.proposals, current
     found, refusals = Association(), list[Refusal]()
     anew = concepts if concepts.groups else None
@@ -124,12 +153,14 @@ def optimize(
         if not new.same:
             break
         if _is_far(made_of, current):
-            anew = concept_factors(current, keys, factor_types, registry, same=())
-            proposals, made_of = anew.proposals, current
+            made = make(current)
+            anew = made if made.groups else None
+            proposals, made_of = made.proposals, current
         else:
-            anew, proposals = None, propose(current, factor_types, registry)
+            anew, proposals = None, propose(current, factor_types, registry, origin[:2])
     return Optimization(
         current,
+        origin,
         values,
         initial,
         error_of(factors, values),

@@ -12,6 +12,7 @@ from sgraph_concepts.types import (
     FactorContext,
     FactorResult,
     FloatArray,
+    IntArray,
     Memory,
     SurfaceArrays,
 )
@@ -56,6 +57,7 @@ class FactorMakers:
         node: ConceptNode,
         nodes: Sequence[ConceptNode],
         observed: SurfaceArrays,
+        first_seen: IntArray,
         rows: Mapping[int, int],
         memory: Memory,
     ) -> FactorResult:
@@ -66,13 +68,16 @@ class FactorMakers:
             node: whose factors.
             nodes: all nodes of the concept.
             observed: the surfaces that some keyframe observed.
+            first_seen: the row of the first keyframe that observed each, likewise.
             rows: theirs, by id.
             memory: of what the functions compute once for all of these nodes.
 
         Raises:
             ConceptError: the factor function fails, or its factors are not fit for a graph.
         """
-        context = factor_context(concept, node, nodes, self._keys, observed, rows, memory)
+        context = factor_context(
+            concept, node, nodes, self._keys, observed, first_seen, rows, memory
+        )
         result = made_by(self._makers[concept], concept, node, context)
         check_factors(f"factor of {concept} {node.id}", result, _planes(context), gtsam.Values())
         return result

@@ -17,7 +17,7 @@ __all__ = ["tied_anew"]
 def tied_anew(
     graph: SGraph,
     keys: Keys,
-    proposals: Mapping[Owner, Sequence[tuple[int, int]]],
+    proposals: Sequence[Proposal],
     before: Mapping[Owner, Same],
     off: Container[object],
 ) -> tuple[dict[Owner, Same], list[tuple[Owner, FactorResult]]]:
@@ -26,14 +26,13 @@ def tied_anew(
     Args:
         graph: the map.
         keys: of its variables.
-        proposals: pairs of surfaces that nodes take for one, by node.
+        proposals: pairs of surfaces that nodes take for one.
         before: the ties so far; one that no node proposes any more goes.
         off: those that get no factors.
     """
-    proposed = [Proposal(owner[0], owner[1], pairs) for owner, pairs in proposals.items()]
-    pairs = {frozenset(pair) for proposal in proposed for pair in proposal.pairs}
+    pairs = {frozenset(pair) for proposal in proposals for pair in proposal.pairs}
     same = [pair for pair in before.values() if frozenset(pair.pair) in pairs]
-    new = associate(graph, proposed, Association(same)).same
+    new = associate(graph, proposals, Association(same)).same
     tied: dict[Owner, Same] = {("same", *pair.pair): pair for pair in (*same, *new)}
     fresh = {o: pair for o, pair in tied.items() if o not in before and o not in off}
     factors = ties(list(fresh.values()), graph, keys)

@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike
 from sgraph_concepts.errors import ConceptError, InputError
 from sgraph_concepts.spec import WALL_SURFACE
 from sgraph_concepts.types import ConceptNode, FactorResult, FloatArray, Memory, SurfaceArrays
-from sgraph_core.backend.association import Same
+from sgraph_core.backend.association import Proposal, Same
+from sgraph_core.backend.concept_factors import observed_surfaces
 from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.robust import Refusal
 from sgraph_core.detector import Detector
@@ -112,11 +113,12 @@ class ConceptTracker:
         self._origin: FloatArray | None = None
         self._pending: set[int] = set(self._graph.wall_surfaces.ids.tolist())
         self._observed = ObservedSurfaces()
-        self._observed.add(self._ordered(np.unique(self._graph.observations.surface_ids).tolist()))
+        self._observed.add(*observed_surfaces(self._graph))
         self._newly_observed: set[int] = set()
-        self._unmade = False
-        self._proposals: dict[Owner, Sequence[tuple[int, int]]] = {}
+        self._unmade = True
         self._ties: dict[Owner, Same] = {}
+        self._owns = False
+        """Whether the tracker optimises a graph of its own; it has no smoother after a failure."""
         self._smoother: Smoother | None = None
 
     # -- what there is -------------------------------------------------------------------------
@@ -223,8 +225,11 @@ class ConceptTracker:
         """
         with self._lock:
             self._graph.observe(surface_id, keyframe_id, plane, sigmas, at)
+            keyframe = self._graph.keyframe_row(keyframe_id)
             if surface_id not in self._observed.rows:
-                self._observed.add(self._ordered([surface_id]))
+                self._observed.add(self._ordered([surface_id]), np.array([keyframe]))
+                self._newly_observed.add(surface_id)
+            elif self._observed.see(surface_id, keyframe):
                 self._newly_observed.add(surface_id)
 
     def move(
@@ -286,7 +291,7 @@ class ConceptTracker:
                 update computes the whole map again.
         """
         with self._lock:
-            if self._smoother is not None:
+            if self._owns:
                 raise InputError("this tracker optimises a graph of its own: call optimize()")
             return self._update()
 
@@ -317,9 +322,13 @@ class ConceptTracker:
         """
         with self._lock:
             self._ledger.require_placed()
+            if self._owns and self._smoother is None:
+                self.optimize()  # builds anew what the last one left unsolved
             if self._smoother is not None:
                 self._smoother.check(self._graph)
-            tied, made = tied_anew(self._graph, self._keys, self._proposals, self._ties, self._off)
+            tied, made = tied_anew(
+                self._graph, self._keys, self._proposals(), self._ties, self._off
+            )
             handout = self._ledger.prepare(self._ties.keys() - tied.keys(), made)
             self._ledger.commit(handout)
             self._misfits.take(handout, tied)
@@ -348,11 +357,12 @@ class ConceptTracker:
                 builds the graph anew, without ties until :meth:`associate` finds them again.
         """
         with self._lock:
-            if self._smoother is None and self._ledger.used:
+            if self._ledger.used and not self._owns:
                 raise InputError("factors went to a graph of the caller's: optimise that")
             smoother = self._smoother or Smoother(self._keys)
             smoother.check(self._graph)
             update = self._update()
+            self._owns = True
             return replace(update, refusals=[*update.refusals, *self._take(smoother, update)])
 
     def _take(self, smoother: Smoother, update: Update) -> list[Refusal]:
@@ -405,8 +415,7 @@ class ConceptTracker:
         refused = {owner: self._subject(owner) for owner in found}
         off = self._off | {refused[owner]: refusal for owner, refusal in found.items()}
         gone, made = self._factors(changes, off)
-        proposals = {owner: result.same for owner, result in made}
-        replaced = {*gone, *proposals}
+        replaced = {*gone, *(owner for owner, _ in made)}
         left = [owner for owner in found if owner not in replaced]
         handout = self._ledger.prepare(gone, [*made, *((owner, FactorResult()) for owner in left)])
 
@@ -417,9 +426,6 @@ class ConceptTracker:
         looked_at = zip(surfaces.segments, surfaces.normals, strict=True)
         self._mapped |= zip(surfaces.ids.tolist(), looked_at, strict=True)
         self._pending, self._newly_observed, self._unmade = set(), set(), False
-        for owner in gone:
-            self._proposals.pop(owner, None)
-        self._proposals |= proposals
         self._off = off
         stay = [owner for owner in found if owner not in gone]
         refusals = [found[owner] for owner in stay if self._subject(owner) == refused[owner]]
@@ -468,6 +474,7 @@ class ConceptTracker:
         ]
         made: list[tuple[Owner, FactorResult]] = []
         surfaces, rows = self._observed.surfaces, self._observed.rows
+        first_seen = self._observed.first_seen
         for name in self._makers.concepts:
             change, nodes = changes[name], self._nodes[name]
             after = nodes.after(change)
@@ -477,11 +484,24 @@ class ConceptTracker:
                 wanted.pop(node.id, None)
             memory = Memory()
             for node in after if self._unmade else sorted(wanted.values(), key=lambda n: n.id):
-                result = self._makers.make(name, node, after, surfaces, rows, memory)
+                result = self._makers.make(name, node, after, surfaces, first_seen, rows, memory)
                 if (name, frozenset(node.members)) in off:
                     result = FactorResult(same=result.same)
                 made.append(((name, node.id), result))
         return gone, made
+
+    def _proposals(self) -> list[Proposal]:
+        """Return the pairs that all nodes take for one, as the map is now."""
+        surfaces, rows = self._observed.surfaces, self._observed.rows
+        proposals = []
+        for name in self._makers.concepts:
+            nodes, memory = list(self._nodes[name].by_id.values()), Memory()
+            for node in nodes:
+                result = self._makers.make(
+                    name, node, nodes, surfaces, self._observed.first_seen, rows, memory
+                )
+                proposals.append(Proposal(name, node.id, result.same))
+        return proposals
 
     def _ordered(self, ids: Sequence[int]) -> SurfaceArrays:
         """Return surfaces as they are now."""

@@ -261,6 +261,14 @@ def thick_wall(drift: tuple[float, float, float]) -> SGraph:
     return graph
 
 
+@pytest.fixture
+def mapped_in_one_go(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let sides count as mapped in one go, whenever they were: thicknesses are held as mapped."""
+    module = sys.modules["sgraph_plugins.wall.factor"]
+    monkeypatch.setattr(module, "AT_ONCE", 3 * KEYFRAMES)
+
+
+@pytest.mark.usefixtures("mapped_in_one_go")
 @pytest.mark.parametrize("drift", [(-0.6, 0, 0), (-0.5, -0.3, 0.03)])
 def test_a_wall_that_drift_made_thick_is_made_anew_once_the_loop_is_closed(
     drift: tuple[float, float, float],
@@ -272,6 +280,7 @@ def test_a_wall_that_drift_made_thick_is_made_anew_once_the_loop_is_closed(
     assert solved.graph.node("wall", 0).shape.thickness == pytest.approx(0.2, abs=0.03)
 
 
+@pytest.mark.usefixtures("mapped_in_one_go")
 def test_a_wall_is_reported_as_switched_off_where_no_round_is_left_to_make_it_anew(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -280,3 +289,14 @@ def test_a_wall_is_reported_as_switched_off_where_no_round_is_left_to_make_it_an
     solved = optimize(graph)
     assert solved.switched_off == [("wall", 0)]
     assert solved.factors == optimize(graph, {"wall": "none"}).factors
+
+
+def test_a_wall_between_two_visits_does_not_hold_the_drift_between_them() -> None:
+    """Its sides were mapped by a room's first visit and by its neighbour's, after the drift."""
+    drift = (0.5, 0, 0)
+    graph = visit_rooms([(ROOM, (0, 0, 0)), (ROOM, drift), (rectangle(5.2, 0, 4, 4), drift)])
+    graph.concepts["wall"] = [ConceptNode(0, (1, 11), shape=NodeShape((5.35, 2), thickness=0.7))]
+    solved = optimize(graph)
+    assert not solved.refusals
+    assert solved.factors > optimize(graph, {"wall": "none"}).factors, "its sides are held parallel"
+    assert solved.graph.node("wall", 0).shape.thickness == pytest.approx(0.2, abs=0.15)

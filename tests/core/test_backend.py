@@ -5,6 +5,7 @@ from __future__ import annotations
 import gtsam
 import numpy as np
 import pytest
+import zone
 from drive import WALL_M, Drive, drive
 from plans import block
 from zone import Fickle
@@ -13,6 +14,7 @@ from sgraph_concepts.errors import ConceptError, OptimizationError
 from sgraph_concepts.types import ConceptNode, FactorContext, FloatArray, NodeShape
 from sgraph_core import infer
 from sgraph_core.backend import Keys, concept_factors, low_layers, optimize
+from sgraph_core.backend.back_projection import shifted
 from sgraph_core.backend.published import centre_of
 from sgraph_core.backend.published import factors as published
 from sgraph_core.backend.ties import TieNoise, tie_planes
@@ -279,6 +281,36 @@ def test_surfaces_lie_on_their_planes_and_unobserved_ones_stay() -> None:
         before = graph.wall_surface(surface)
         assert before.normal @ result.wall_surface(surface).normal > 0.5
     assert (result.wall_surface(unseen).segment == graph.wall_surface(unseen).segment).all()
+
+
+@pytest.mark.parametrize("by", [(300.0, -270.0, 0.0), (5e5, 5e6, 800.0)], ids=["a way", "UTM"])
+def test_where_the_origin_lies_does_not_matter(by: tuple[float, float, float]) -> None:
+    graph = with_walls(drive(3))
+    here, there = optimize(graph), optimize(shifted(graph, np.array(by)))
+    assert there.final_error == pytest.approx(here.final_error, rel=1e-6)
+    back = shifted(there.graph, -np.array(by))
+    assert back.keyframes.poses == pytest.approx(here.graph.keyframes.poses, abs=1e-5)
+    assert back.wall_surfaces.segments == pytest.approx(here.graph.wall_surfaces.segments, abs=1e-5)
+    for one, two in zip(back.concepts["wall"], here.graph.concepts["wall"], strict=True):
+        assert one.shape.centre == pytest.approx(two.shape.centre, abs=1e-3)
+    assert np.abs(there.graph.keyframes.poses[:, :3].mean(axis=0) - there.origin).max() < 100
+
+
+def test_factors_may_refer_to_the_world_wherever_the_graph_is_solved(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A plugin that holds surfaces where the world's map has them finds them there."""
+    by = np.array([5e5, 5e6, 0.0])
+    graph = shifted(with_walls(drive(3)), by)
+    seen: list[FloatArray] = []
+
+    def told(context: FactorContext) -> None:
+        seen.extend(segment + context.origin for segment in context.segments.values())
+
+    monkeypatch.setattr(zone, "told", told)
+    optimize(graph, {"wall": "zone:telling_factor"})
+    assert seen
+    assert np.abs(np.array(seen) - by[:2]).max() < 100
 
 
 def test_a_map_whose_concepts_add_nothing_is_solved_once() -> None:

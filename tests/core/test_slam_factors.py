@@ -12,8 +12,11 @@ from drive import drive
 from plans import block, plan, rectangle, true_rooms
 from tracked import keyframes_of
 
+import sgraph_core.slam.ties
 from sgraph_concepts.errors import InputError, OptimizationError
 from sgraph_core.backend import Keys, low_layers, optimize
+from sgraph_core.backend.association import Association, Proposal
+from sgraph_core.backend.concept_factors import propose
 from sgraph_core.detector import Detector
 from sgraph_core.evaluation.incremental import drive_through
 from sgraph_core.evaluation.trajectory import ate_rmse
@@ -52,6 +55,17 @@ def test_the_graph_holds_the_factors_of_the_nodes_as_they_are(detector: Detector
     assert kept == [entry[:2] for entry in factors_by_keys(both, estimate)]
     expected = set(low.values.keys()) | set(at_once.values.keys())
     assert set(estimate.keys()) == expected
+
+
+def test_a_tracker_begun_with_an_inferred_map_hands_out_its_factors(detector: Detector) -> None:
+    first = ConceptTracker(drive(3).graph, detector)
+    before = first.update()
+    second = ConceptTracker(first.snapshot(), detector)
+    after = second.update()
+    assert not any(change.added or change.changed for change in after.nodes.values())
+    assert after.factors.size() > 0
+    assert after.factors.equals(before.factors, 1e-9)
+    assert after.values.equals(before.values, 1e-9)
 
 
 def two_rooms_seen_from_both() -> SGraph:
@@ -187,6 +201,60 @@ def test_a_surface_observed_late_joins_the_factors_then(detector: Detector) -> N
     assert not any(update.nodes.values())
 
 
+def test_a_sight_told_late_counts_from_its_keyframe(detector: Detector) -> None:
+    """Whether a wall's sides were mapped in one go is known once all sights are told."""
+    graph, tracker = two_rooms_seen_from_both(), ConceptTracker(detector=detector)
+    for keyframe in range(30):
+        tracker.add_keyframe(keyframe, [7 if keyframe % 2 else 2, 2, 0, 0, 0, 0, 1])
+    for surface in graph.wall_surfaces.ids.tolist():
+        view = graph.wall_surface(surface)
+        tracker.add_wall_surface(surface, view.segment, view.normal)
+    tracker.observe(1, 0, [-1, 0, 0, 3], [0.01, 0.02])
+    tracker.observe(7, 29, [1, 0, 0, 1.85], [0.01, 0.02])
+    apart = tracker.update()
+    tracker.placed(range(apart.factors.size()))
+    tracker.observe(7, 3, [1, 0, 0, 1.85], [0.01, 0.02])
+    in_one_go = tracker.update()
+    assert in_one_go.remove
+    assert thickness_sigma(apart) > 10 * thickness_sigma(in_one_go)
+    at_once = ConceptTracker(tracker.snapshot(), detector).update()
+    assert thickness_sigma(in_one_go) == thickness_sigma(at_once)
+
+
+def thickness_sigma(update: Update) -> float:
+    """Return the largest sigma of the factors of the wall between 1 and 7."""
+    keys = {Keys().surface(1), Keys().surface(7)}
+    factors = [update.factors.at(k) for k in range(update.factors.size())]
+    return max(f.noiseModel().sigmas().max() for f in factors if keys & set(f.keys()))
+
+
+def test_a_wall_that_turns_about_gets_a_new_anchor(detector: Detector) -> None:
+    """ISAM2 keeps the value of a variable that stays; one turned by 180 degrees would be no use."""
+    graph, tracker = two_rooms_seen_from_both(), ConceptTracker(detector=detector, keys=OWN)
+    tracker.add_keyframe(0, [2, 2, 0, 0, 0, 0, 1])
+    tracker.add_keyframe(1, [7, 2, 0, 0, 0, 0, 1])
+    for surface in graph.wall_surfaces.ids.tolist():
+        view = graph.wall_surface(surface)
+        tracker.add_wall_surface(surface, view.segment, view.normal)
+    tracker.observe(1, 0, [-1, 0, 0, 3], [0.01, 0.02])
+    tracker.observe(7, 1, [1, 0, 0, 1.85], [0.01, 0.02])
+    before = tracker.update()
+    tracker.placed(range(before.factors.size()))
+    side = graph.wall_surface(1)
+    tracker.move(surfaces={1: ([[3.0, 1.0], [3.0, 1.4]], [-1, 0])})
+    tracker.add_wall_surface(8, side.segment, side.normal)
+    tracker.observe(8, 0, [-1, 0, 0, 3], [0.01, 0.02])
+    after = tracker.update()
+    assert [node.members for node in before.nodes["wall"].added] == [(1, 7)]
+    assert [node.members for node in after.nodes["wall"].changed] == [(7, 8)]
+    (one,), (two,) = before.values.keys(), after.values.keys()
+    assert one != two
+    assert before.values.atPose3(one).rotation().matrix()[:, 0] == pytest.approx(
+        [-1, 0, 0], abs=0.02
+    )
+    assert after.values.atPose3(two).rotation().matrix()[:, 0] == pytest.approx([1, 0, 0], abs=0.02)
+
+
 # -- optimised by the tracker itself ---------------------------------------------------------------
 
 
@@ -228,6 +296,29 @@ def test_surfaces_mapped_twice_are_tied_on_request(detector: Detector) -> None:
         assert errors[1] < errors[0]
         again = tracker.associate()
         assert (again.factors.size(), again.remove) == (0, []), "all is tied"
+
+
+@pytest.mark.parametrize("seed", [0, 2])
+def test_pairs_are_proposed_on_the_map_as_it_is(
+    detector: Detector, monkeypatch: pytest.MonkeyPatch, seed: int
+) -> None:
+    """A room's factor looks at all surfaces around, which come and move without the room."""
+    pairs: list[set[tuple[int, int]]] = []
+
+    def listening(_graph: SGraph, proposals: list[Proposal], _known: Association) -> Association:
+        pairs.append({pair for proposal in proposals for pair in proposal.pairs})
+        return Association()
+
+    monkeypatch.setattr(sgraph_core.slam.ties, "associate", listening)
+    tracker = ConceptTracker(detector=detector)
+    for enter in keyframes_of(drive(seed).graph):
+        enter(tracker)
+        tracker.placed(range(tracker.update().factors.size()))
+    tracker.associate()
+    ConceptTracker(tracker.snapshot(), detector).associate()
+    proposals = propose(tracker.snapshot(), None, None)
+    expected = {pair for proposal in proposals for pair in proposal.pairs}
+    assert pairs == [expected, expected]
 
 
 def test_ties_go_with_the_nodes_that_proposed_them(detector: Detector) -> None:

@@ -68,6 +68,25 @@ def test_a_plugin_that_fails_changes_nothing_and_the_next_update_makes_up_for_it
     assert errors == pytest.approx(usual, rel=1e-2, abs=1e-6)
 
 
+def test_ties_are_sought_after_a_failure_too(
+    detector: Detector, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tracker = ConceptTracker(drive(0).graph, detector)
+    tracker.optimize()
+    with monkeypatch.context() as patch:
+        patch.setattr(sgraph_core.slam.smoother.Smoother, "add", _interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            tracker.optimize()
+    assert tracker.associate().factors.size()
+    tracker.optimize()
+    with pytest.raises(InputError, match="optimises a graph of its own"):
+        tracker.update()
+
+
+def _interrupted(*_args: object, **_options: object) -> None:
+    raise KeyboardInterrupt
+
+
 def test_a_graph_that_cannot_be_solved_is_named_and_built_anew(
     detector: Detector, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -14,7 +14,7 @@ from tracked import keyframes_of
 import sgraph_core.slam.ties
 import sgraph_core.slam.tracker
 from sgraph_core.backend import Keys, low_layers, optimize
-from sgraph_core.backend.association import Association, Same
+from sgraph_core.backend.association import Association, Proposal, Same
 from sgraph_core.detector import Detector
 from sgraph_core.evaluation.trajectory import ate_rmse
 from sgraph_core.graph import SGraph
@@ -176,7 +176,7 @@ def test_a_tie_that_contradicts_the_map_leaves_and_is_not_made_again(
     tracker.optimize()
     where = tracker.snapshot().wall_surfaces.segments
     monkeypatch.setattr(sgraph_core.slam.ties, "associate", lambda *_: Association([wrong]))
-    monkeypatch.setattr(tracker, "_proposals", {("room", 0): [wrong.pair]})
+    monkeypatch.setattr(tracker, "_proposals", lambda: [Proposal("room", 0, [wrong.pair])])
     update = tracker.associate()
     assert update.factors.size() == 3
     (refusal,) = update.refusals
@@ -185,7 +185,7 @@ def test_a_tie_that_contradicts_the_map_leaves_and_is_not_made_again(
     assert tracker.refusals == [refusal]
     again = tracker.associate()
     assert (again.factors.size(), again.remove, again.refusals) == (0, [], [])
-    monkeypatch.setattr(tracker, "_proposals", {})
+    monkeypatch.setattr(tracker, "_proposals", list)
     monkeypatch.setattr(sgraph_core.slam.ties, "associate", lambda *_: Association())
     tracker.associate()
     assert tracker.refusals == [], "nobody takes them for one any more"

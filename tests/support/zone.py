@@ -241,6 +241,16 @@ def mispaired_walls(edges: ScoredEdges, scene: Scene) -> list[Cluster]:
     return walls
 
 
+def told(_context: FactorContext) -> None:
+    """Take note of what a factor function is told; for tests to replace."""
+
+
+def telling_factor(_node: ConceptNode, context: FactorContext) -> FactorResult:
+    """Return no factors, but tell a test."""
+    told(context)
+    return FactorResult()
+
+
 def gullible_factor(node: ConceptNode, context: FactorContext) -> FactorResult:
     """Hold what cannot be a wall half a metre closer than it is, and walls as they should be."""
     result = wall_factors(node, context)

@@ -2,8 +2,9 @@
 
 Thickness must come from somewhere else than the two planes themselves, or the tie would only repeat
 the map's own error: it is the median of the walls that a building evidently builds alike. A wall
-that is like no others gets its sides held parallel, and weakly as far apart as they were mapped: a
-side seen from afar would else turn about the observer's foot on its plane, and leave the other.
+that is like no others gets its sides held parallel, and weakly as far apart as they were mapped if
+that was done in one go: a side seen from afar would else turn about the observer's foot on its
+plane, and leave the other. Of sides that were mapped at different times, drift may be part of it.
 """
 
 from __future__ import annotations
@@ -21,7 +22,9 @@ __all__ = ["factors", "known_thicknesses", "typical_thickness"]
 ANGLE_SIGMA_RAD = 0.02
 LEAST_SIGMA_M = 0.015
 OWN_SIGMA_M = 0.1
-"""Of the thickness of a wall that is like no others."""
+"""Of the thickness of a wall that is like no others and was mapped in one go."""
+AT_ONCE = 15
+"""Keyframes between the first sights of both sides of such a wall, at most."""
 FREE_SIGMA_M = 10.0
 """Of the thickness of a wall whose mapped one tells nothing."""
 ALIKE_M = 0.04
@@ -31,6 +34,8 @@ THINNEST_M = 0.03
 FEWEST_ALIKE = 3
 FARTHEST_M = 1.0
 """Sides that are mapped farther apart, or farther across one another, are not of one wall."""
+ASKEW = np.array([0.8, 0.6])
+"""A direction that hardly any wall's normal is perpendicular to."""
 LEAST_CONFIDENCE = 0.1
 """A node's confidence divides the variance of its factors, down to this."""
 
@@ -45,12 +50,16 @@ def factors(node: ConceptNode, context: FactorContext) -> FactorResult:
     if size < 1.0 or not _possible(node, context):  # the sides do not face opposite ways: no wall
         return FactorResult()
     known = context.memory.recall("thicknesses", partial(known_thicknesses, context.nodes))
-    thickness, sigma = typical_thickness(node.shape.thickness, known)
+    apart = abs(context.first_seen[one] - context.first_seen[two])
+    own_sigma = OWN_SIGMA_M if apart <= AT_ONCE else FREE_SIGMA_M
+    thickness, sigma = typical_thickness(node.shape.thickness, known, own_sigma)
     sure = 1.0 if node.confidence is None else max(node.confidence, LEAST_CONFIDENCE)
     doubt = 1 / np.sqrt(sure)
+    # a wall that keeps one side only may turn about: its anchor must not keep the old direction
+    anchor = context.new_key(int(normal @ ASKEW > 0))
     return tie_planes(
         (context.plane_keys[one], context.plane_keys[two]),
-        context.new_key(0),
+        anchor,
         np.array(node.shape.centre),
         normal / size,
         thickness,
@@ -70,7 +79,9 @@ def known_thicknesses(walls: Sequence[ConceptNode]) -> FloatArray:
     return np.asarray(known[known >= THINNEST_M])
 
 
-def typical_thickness(own: float, known: FloatArray) -> tuple[float, float]:
+def typical_thickness(
+    own: float, known: FloatArray, own_sigma: float = OWN_SIGMA_M
+) -> tuple[float, float]:
     """Return the thickness that a wall should have, and its standard deviation, in metres.
 
     The walls within 4 cm of this one's mapped thickness are its group, this one included.
@@ -78,11 +89,12 @@ def typical_thickness(own: float, known: FloatArray) -> tuple[float, float]:
     Args:
         own: the wall's mapped thickness.
         known: those of all walls, ascending.
+        own_sigma: what the mapped thickness is worth where no others are like it.
     """
     first = np.searchsorted(known, own - ALIKE_M)
     group = known[first : np.searchsorted(known, own + ALIKE_M, side="right")]
     if len(group) < FEWEST_ALIKE:
-        return own, OWN_SIGMA_M if own >= THINNEST_M else FREE_SIGMA_M
+        return own, own_sigma if own >= THINNEST_M else FREE_SIGMA_M
     typical = _median(group)
     spread = 1.4826 * _median(np.sort(np.abs(group - typical)))
     return typical, max(spread, LEAST_SIGMA_M)
