@@ -54,6 +54,8 @@ class Optimization:
             before, of the whole graph afterwards.
         factors: number of factors in the last round.
         iterations: of Levenberg-Marquardt, of all rounds.
+        converged: whether the last of them gained next to nothing. If not, something that is no
+            concept's contradicts the rest grossly, such as one wrong motion or observation.
         association: which surfaces were found to be one, and which not; ties that were switched off
             later included.
         refusals: which nodes and ties were switched off, and why.
@@ -66,6 +68,7 @@ class Optimization:
     final_error: float
     factors: int
     iterations: int
+    converged: bool
     association: Association
     refusals: Sequence[Refusal]
 
@@ -129,10 +132,11 @@ def _optimize(
     )
     low = low_layers(graph, keys)
     initial = low.graph.error(low.values)
-    values, iterations = solve(low.graph, low.values)
+    solution = solve(low.graph, low.values)
+    values, iterations = solution.values, solution.iterations
     current = moved(graph, low, values, keys)
     concepts = make(current)
-    factors, proposals, made_of = low.graph, concepts.proposals, current
+    proposals, made_of = concepts.proposals, current
     found, refusals = Association(), list[Refusal]()
     anew = concepts if concepts.groups else None
     for _ in range(MOST_ROUNDS):
@@ -146,7 +150,7 @@ def _optimize(
         else:
             concepts = with_ties(concepts, new.same, current, keys)
         low, solution = _solve(graph, found, low, concepts, values, keys, refusals)
-        factors, values = solution.factors, solution.values
+        values = solution.values
         refusals = list(solution.refusals)
         iterations += solution.iterations
         current = moved(graph, low, values, keys)
@@ -163,9 +167,10 @@ def _optimize(
         origin,
         values,
         initial,
-        error_of(factors, values),
-        factors.size(),
+        error_of(solution.factors, values),
+        solution.factors.size(),
         iterations,
+        solution.converged,
         found,
         refusals,
     )

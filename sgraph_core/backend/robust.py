@@ -39,6 +39,8 @@ when there are none left. To bend a map into a wrong loop takes many iterations 
 NOTHING = 1e-8
 """An error that falls by no more was none: of a consistent map a share of it is never reached."""
 MOST_ITERATIONS = 100
+MOST_DAMPING = 1e20
+"""Of Levenberg-Marquardt: with gtsam's 1e5 a gross outlier may leave no step that it would try."""
 
 
 @dataclass(frozen=True)
@@ -78,23 +80,32 @@ class Refusal:
 
 @dataclass(frozen=True, eq=False)
 class RobustSolution:
-    """A solution, the factors it satisfies, and what was left out."""
+    """A solution, the factors it satisfies, and what was left out.
+
+    Attributes:
+        factors: that are satisfied.
+        values: the solution.
+        refusals: what was left out, and why.
+        iterations: of Levenberg-Marquardt.
+        converged: whether the last of them gained next to nothing.
+    """
 
     factors: gtsam.NonlinearFactorGraph
     values: gtsam.Values
     refusals: Sequence[Refusal]
     iterations: int
+    converged: bool
 
 
-def solve(factors: gtsam.NonlinearFactorGraph, start: gtsam.Values) -> tuple[gtsam.Values, int]:
-    """Return the solution by Levenberg-Marquardt, and its number of iterations.
+def solve(factors: gtsam.NonlinearFactorGraph, start: gtsam.Values) -> RobustSolution:
+    """Return the solution by Levenberg-Marquardt, with all factors.
 
     Raises:
         OptimizationError: a factor fails.
     """
     solver = _Solver(factors, start)
     solver.iterate(FINE)
-    return solver.values, solver.iterations
+    return RobustSolution(factors, solver.values, (), solver.iterations, solver.converged)
 
 
 class _Solver:
@@ -109,8 +120,11 @@ class _Solver:
     """
 
     def __init__(self, factors: gtsam.NonlinearFactorGraph, start: gtsam.Values) -> None:
+        parameters = gtsam.LevenbergMarquardtParams()
+        parameters.setlambdaUpperBound(MOST_DAMPING)
         with _failing_as("the factor graph cannot be solved"):
-            self._optimizer = gtsam.LevenbergMarquardtOptimizer(factors, start)
+            self._optimizer = gtsam.LevenbergMarquardtOptimizer(factors, start, parameters)
+        self.converged = False
 
     @property
     def values(self) -> gtsam.Values:
@@ -125,15 +139,18 @@ class _Solver:
     def iterate(self, tolerance: float) -> None:
         """Iterate until the error falls by no more than a share of itself, or by nothing at all.
 
+        After :data:`MOST_ITERATIONS` in all it has not ``converged``.
+
         Raises:
             OptimizationError: a factor fails.
         """
         with _failing_as("the factor graph cannot be solved"):
-            while self.iterations < MOST_ITERATIONS:
+            self.converged = False
+            while self.iterations < MOST_ITERATIONS and not self.converged:
                 before = self._optimizer.error()
                 self._optimizer.iterate()
-                if not before - self._optimizer.error() > max(tolerance * before, NOTHING):
-                    return
+                gain = before - self._optimizer.error()
+                self.converged = not gain > max(tolerance * before, NOTHING)
 
 
 @contextmanager
@@ -183,7 +200,7 @@ def solve_robustly(
         iterations += solver.iterations
         off += worst
         if not worst:
-            return RobustSolution(factors, values, off, iterations)
+            return RobustSolution(factors, values, off, iterations, solver.converged)
 
 
 def _kept(concepts: ConceptFactors, off: Sequence[Refusal]) -> list[FactorGroup]:

@@ -13,7 +13,7 @@ from zone import Fickle
 from sgraph_concepts.errors import ConceptError, OptimizationError
 from sgraph_concepts.types import ConceptNode, FactorContext, FloatArray, NodeShape
 from sgraph_core import infer
-from sgraph_core.backend import Keys, concept_factors, low_layers, optimize
+from sgraph_core.backend import Keys, concept_factors, low_layers, optimize, robust
 from sgraph_core.backend.back_projection import shifted
 from sgraph_core.backend.published import centre_of
 from sgraph_core.backend.published import factors as published
@@ -513,3 +513,33 @@ def test_a_factor_that_fails_at_any_moment_is_named_and_the_graph_unchanged(part
     with pytest.raises((ConceptError, OptimizationError), match=r"not any more$"):
         optimize(graph, {"wall": "zone:fickle_factor"})
     assert (graph.keyframes.poses == poses).all()
+
+
+# -- gross outliers --------------------------------------------------------------------------------
+
+
+def test_a_start_far_from_the_solution_is_left() -> None:
+    """Motions that are believed to 1e-7 say that the second half of the drive is 100 m away."""
+    drifted = drive(0).graph
+    graph, table = SGraph("far"), drifted.odometry
+    motions = table.poses.copy()
+    motions[5, :2] = 100, 0
+    graph.extend_keyframes(drifted.keyframes.ids, drifted.keyframes.poses, drifted.keyframes.stamps)
+    graph.extend_odometry(table.from_ids, table.to_ids, motions, np.full_like(table.sigmas, 1e-7))
+    surface = drifted.wall_surface(0)
+    graph.add_wall_surface(0, surface.segment, surface.normal)
+    first = drifted.observations.surface_ids.tolist().index(0)
+    seen = drifted.observations
+    graph.observe(0, int(seen.keyframe_ids[first]), seen.planes[first], seen.sigmas[first])
+    solved = optimize(graph)
+    assert solved.converged
+    assert solved.final_error < 1e-3
+    one, two = solved.graph.keyframes.poses[5:7, :2]
+    assert np.linalg.norm(two - one) == pytest.approx(100, abs=1e-3)
+
+
+def test_a_solution_that_does_not_converge_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    graph = with_walls(drive(0))
+    assert optimize(graph).converged
+    monkeypatch.setattr(robust, "MOST_ITERATIONS", 1)
+    assert not optimize(graph).converged

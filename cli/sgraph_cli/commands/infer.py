@@ -128,6 +128,8 @@ def _report(solved: Optimization) -> None:
         f"optimised {solved.factors} factors in {solved.iterations} iterations: "
         f"error {solved.initial_error:.6g} -> {solved.final_error:.6g}"
     )
+    if not solved.converged:
+        note("the solution has not converged: odometry or observations contradict one another")
     if solved.association.same:
         note(f"tied {len(solved.association.same)} pairs of surfaces that are one, mapped twice")
     for refusal in solved.refusals:
