@@ -82,7 +82,7 @@ class SurfaceArrays:
         return SurfaceArrays(self.ids[rows], self.segments[rows], self.normals[rows])
 
 
-def _no_surfaces() -> SurfaceArrays:
+def _none_near(_box: FloatArray) -> SurfaceArrays:
     return SurfaceArrays(np.empty(0, np.int64), np.empty((0, 2, 2)), np.empty((0, 2)))
 
 
@@ -278,12 +278,13 @@ class FactorContext:
         segments: endpoints of the same surfaces, [2, 2] each.
         nodes: all nodes of the concept.
         new_key: key of the node's own variable of the given number, counted from 0.
-        surfaces: all surfaces of the map that some keyframe observed, members or not.
+        near: returns the surfaces of the map, members or not, that some keyframe observed and whose
+            bounding boxes meet a box x, y, x, y, [4].
         first_seen: number, in the order of the drive, of the keyframe that first observed each
             member that has a plane: how far apart two were mapped in time tells how much drift may
             lie between them.
-        memory: shared by all nodes that come with the same ``nodes`` and ``surfaces``: what follows
-            from these need not be computed for each node.
+        memory: shared by all nodes that come with the same ``nodes``: what follows from these need
+            not be computed for each node.
         origin: world position of the coordinates' (0, 0), [2]; coordinates in the attributes of a
             node's shape are the world's in any case.
     """
@@ -293,7 +294,7 @@ class FactorContext:
     segments: Mapping[int, FloatArray]
     nodes: Sequence[ConceptNode]
     new_key: Callable[[int], int]
-    surfaces: SurfaceArrays = field(default_factory=_no_surfaces)
+    near: Callable[[FloatArray], SurfaceArrays] = _none_near
     first_seen: Mapping[int, int] = field(default_factory=dict)
     memory: Memory = field(default_factory=Memory)
     origin: FloatArray = field(default_factory=partial(np.zeros, 2))

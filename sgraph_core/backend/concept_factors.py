@@ -17,15 +17,14 @@ from sgraph_concepts.types import (
     FactorContext,
     FactorResult,
     FloatArray,
-    IntArray,
     Memory,
-    SurfaceArrays,
 )
 from sgraph_core.backend.association import TIE_SIGMAS, Proposal, Same, associate
 from sgraph_core.backend.checks import check_factors
 from sgraph_core.backend.coincidence import coincidence
 from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.low_layers import vertical_planes, world_planes
+from sgraph_core.backend.observed import Observed, observed_in
 from sgraph_core.backend.ties import TieNoise, tie_planes
 from sgraph_core.concepts import installed
 from sgraph_core.graph import SGraph
@@ -38,7 +37,6 @@ __all__ = [
     "factor_context",
     "factor_functions",
     "made_by",
-    "observed_surfaces",
     "propose",
     "ties",
     "with_ties",
@@ -218,26 +216,14 @@ def _results(
 ) -> Iterator[tuple[str, ConceptNode, FactorResult]]:
     grouping = [concept for concept in registry if concept.spec.groups == WALL_SURFACE]
     there = [concept for concept in grouping if graph.concepts.get(concept.spec.name)]
-    observed, first_seen = observed_surfaces(graph)
-    row_of = {surface: row for row, surface in enumerate(observed.ids.tolist())}
+    observed = observed_in(graph)
     for name, make in factor_functions(registry, there, factor_types).items():
         nodes, memory = graph.concepts[name], Memory()
         for node in nodes:
-            context = factor_context(name, node, nodes, keys, observed, first_seen, row_of, memory)
+            context = factor_context(name, node, nodes, keys, observed, memory)
             if origin is not None:
                 context = replace(context, origin=origin)
             yield name, node, made_by(make, name, node, context)
-
-
-def observed_surfaces(graph: SGraph) -> tuple[SurfaceArrays, IntArray]:
-    """Return the observed surfaces, by id, and the rows of the keyframes that did so first."""
-    table = graph.observations
-    ids, which = np.unique(table.surface_ids, return_inverse=True)
-    by = np.array([graph.keyframe_row(i) for i in table.keyframe_ids.tolist()], np.int64)
-    first = np.full(len(ids), len(graph.keyframes.ids))
-    np.minimum.at(first, which, by)
-    rows = np.array([graph.surface_row(i) for i in ids.tolist()], np.int64)
-    return graph.wall_surfaces.ordered().take(rows), first
 
 
 def factor_context(
@@ -245,9 +231,7 @@ def factor_context(
     node: ConceptNode,
     nodes: Sequence[ConceptNode],
     keys: Keys,
-    observed: SurfaceArrays,
-    first_seen: IntArray,
-    rows: Mapping[int, int],
+    observed: Observed,
     memory: Memory,
 ) -> FactorContext:
     """Return what a concept's factor function is told of a node.
@@ -258,22 +242,20 @@ def factor_context(
         nodes: all nodes of the concept.
         keys: of surfaces and nodes.
         observed: the surfaces that some keyframe observed.
-        first_seen: the row of the first keyframe that observed each, likewise.
-        rows: theirs, by id.
         memory: of what the function computes once for all of these nodes.
     """
-    members = [member for member in node.members if member in rows]
-    own = [rows[member] for member in members]
-    segments = observed.segments[own]
-    planes = vertical_planes(segments, observed.normals[own])
+    members = [member for member in node.members if member in observed.rows]
+    own = [observed.rows[member] for member in members]
+    segments = observed.surfaces.segments[own]
+    planes = vertical_planes(segments, observed.surfaces.normals[own])
     return FactorContext(
         {member: keys.surface(member) for member in members},
         dict(zip(members, planes, strict=True)),
         dict(zip(members, segments, strict=True)),
         nodes,
         partial(keys.node, concept, node.id),
-        observed,
-        dict(zip(members, first_seen[own].tolist(), strict=True)),
+        observed.near,
+        dict(zip(members, observed.first_seen[own].tolist(), strict=True)),
         memory,
     )
 

@@ -12,13 +12,12 @@ from sgraph_concepts.types import (
     FactorContext,
     FactorResult,
     FloatArray,
-    IntArray,
     Memory,
-    SurfaceArrays,
 )
 from sgraph_core.backend.checks import check_factors
 from sgraph_core.backend.concept_factors import factor_context, factor_functions, made_by
 from sgraph_core.backend.keys import Keys
+from sgraph_core.backend.observed import Observed
 
 __all__ = ["FactorMakers"]
 
@@ -56,9 +55,7 @@ class FactorMakers:
         concept: str,
         node: ConceptNode,
         nodes: Sequence[ConceptNode],
-        observed: SurfaceArrays,
-        first_seen: IntArray,
-        rows: Mapping[int, int],
+        observed: Observed,
         memory: Memory,
     ) -> FactorResult:
         """Return the checked factors of a node.
@@ -68,16 +65,12 @@ class FactorMakers:
             node: whose factors.
             nodes: all nodes of the concept.
             observed: the surfaces that some keyframe observed.
-            first_seen: the row of the first keyframe that observed each, likewise.
-            rows: theirs, by id.
             memory: of what the functions compute once for all of these nodes.
 
         Raises:
             ConceptError: the factor function fails, or its factors are not fit for a graph.
         """
-        context = factor_context(
-            concept, node, nodes, self._keys, observed, first_seen, rows, memory
-        )
+        context = factor_context(concept, node, nodes, self._keys, observed, memory)
         result = made_by(self._makers[concept], concept, node, context)
         check_factors(f"factor of {concept} {node.id}", result, _planes(context), gtsam.Values())
         return result

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
-from sgraph_concepts.types import IntArray, SurfaceArrays
-from sgraph_core.slam.pool import Pool
+from sgraph_concepts.types import FloatArray, IntArray, SurfaceArrays
+from sgraph_core.backend.observed import Observed
+from sgraph_core.slam.pool import Pool, boxes_around
 
 __all__ = ["ObservedSurfaces"]
 
@@ -21,23 +20,23 @@ class ObservedSurfaces:
             segment=np.empty((0, 2, 2)),
             normal=np.empty((0, 2)),
             first_seen=np.empty(0, np.int64),
+            box=np.empty((0, 4)),
         )
         self._rows: dict[int, int] = {}
 
-    @property
-    def rows(self) -> Mapping[int, int]:
-        """The row of each in ``surfaces``, by id."""
-        return self._rows
+    def __contains__(self, surface: int) -> bool:
+        """Whether a surface, by id, is observed."""
+        return surface in self._rows
 
     @property
-    def surfaces(self) -> SurfaceArrays:
+    def all(self) -> Observed:
         """All of them, in the order in which they were first observed."""
-        return SurfaceArrays(self._pool["id"], self._pool["segment"], self._pool["normal"])
+        pool = self._pool
+        surfaces = SurfaceArrays(pool["id"], pool["segment"], pool["normal"])
+        return Observed(surfaces, pool["first_seen"], self._rows, self._rows_near)
 
-    @property
-    def first_seen(self) -> IntArray:
-        """The row of the first keyframe that observed each, in the same order."""
-        return self._pool["first_seen"]
+    def _rows_near(self, box: FloatArray) -> IntArray:
+        return self._pool.meeting("box", box[None], 0.0)
 
     def add(self, surfaces: SurfaceArrays, first_seen: IntArray) -> None:
         """Take in surfaces that are observed for the first time, by keyframes of given rows."""
@@ -47,6 +46,7 @@ class ObservedSurfaces:
             segment=surfaces.segments,
             normal=surfaces.normals,
             first_seen=first_seen,
+            box=boxes_around(surfaces.segments),
         )
         self._rows.update(zip(surfaces.ids.tolist(), rows.tolist(), strict=True))
 
@@ -64,3 +64,4 @@ class ObservedSurfaces:
         rows = [self._rows[i] for i in moved.ids.tolist()]
         self._pool["segment"][rows] = moved.segments
         self._pool["normal"][rows] = moved.normals
+        self._pool["box"][rows] = boxes_around(moved.segments)

@@ -15,8 +15,8 @@ from sgraph_concepts.errors import ConceptError, InputError
 from sgraph_concepts.spec import WALL_SURFACE
 from sgraph_concepts.types import ConceptNode, FactorResult, FloatArray, Memory, SurfaceArrays
 from sgraph_core.backend.association import Proposal, Same
-from sgraph_core.backend.concept_factors import observed_surfaces
 from sgraph_core.backend.keys import Keys
+from sgraph_core.backend.observed import observed_in
 from sgraph_core.backend.robust import Refusal
 from sgraph_core.detector import Detector
 from sgraph_core.graph import Pins, SGraph
@@ -113,7 +113,8 @@ class ConceptTracker:
         self._origin: FloatArray | None = None
         self._pending: set[int] = set(self._graph.wall_surfaces.ids.tolist())
         self._observed = ObservedSurfaces()
-        self._observed.add(*observed_surfaces(self._graph))
+        mapped = observed_in(self._graph)
+        self._observed.add(mapped.surfaces, mapped.first_seen)
         self._newly_observed: set[int] = set()
         self._unmade = True
         self._ties: dict[Owner, Same] = {}
@@ -226,7 +227,7 @@ class ConceptTracker:
         with self._lock:
             self._graph.observe(surface_id, keyframe_id, plane, sigmas, at)
             keyframe = self._graph.keyframe_row(keyframe_id)
-            if surface_id not in self._observed.rows:
+            if surface_id not in self._observed:
                 self._observed.add(self._ordered([surface_id]), np.array([keyframe]))
                 self._newly_observed.add(surface_id)
             elif self._observed.see(surface_id, keyframe):
@@ -473,8 +474,7 @@ class ConceptTracker:
             (name, node.id) for name, change in changes.items() for node in change.removed
         ]
         made: list[tuple[Owner, FactorResult]] = []
-        surfaces, rows = self._observed.surfaces, self._observed.rows
-        first_seen = self._observed.first_seen
+        observed = self._observed.all
         for name in self._makers.concepts:
             change, nodes = changes[name], self._nodes[name]
             after = nodes.after(change)
@@ -484,7 +484,7 @@ class ConceptTracker:
                 wanted.pop(node.id, None)
             memory = Memory()
             for node in after if self._unmade else sorted(wanted.values(), key=lambda n: n.id):
-                result = self._makers.make(name, node, after, surfaces, first_seen, rows, memory)
+                result = self._makers.make(name, node, after, observed, memory)
                 if (name, frozenset(node.members)) in off:
                     result = FactorResult(same=result.same)
                 made.append(((name, node.id), result))
@@ -492,14 +492,11 @@ class ConceptTracker:
 
     def _proposals(self) -> list[Proposal]:
         """Return the pairs that all nodes take for one, as the map is now."""
-        surfaces, rows = self._observed.surfaces, self._observed.rows
-        proposals = []
+        observed, proposals = self._observed.all, []
         for name in self._makers.concepts:
             nodes, memory = list(self._nodes[name].by_id.values()), Memory()
             for node in nodes:
-                result = self._makers.make(
-                    name, node, nodes, surfaces, self._observed.first_seen, rows, memory
-                )
+                result = self._makers.make(name, node, nodes, observed, memory)
                 proposals.append(Proposal(name, node.id, result.same))
         return proposals
 

@@ -7,14 +7,10 @@ lets all proposed pairs vote.
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
-import shapely
 
-from sgraph_concepts.types import ConceptNode, FactorContext, FactorResult, FloatArray
+from sgraph_concepts.types import ConceptNode, FactorContext, FactorResult
 from sgraph_core.backend.coincidence import coincidence
-from sgraph_core.geometry import boxes_of, lines_of
 
 __all__ = ["factors"]
 
@@ -27,10 +23,9 @@ def factors(node: ConceptNode, context: FactorContext) -> FactorResult:
     """Return the pairs of surfaces that may be one surface of this room seen twice."""
     if not context.segments:
         return FactorResult()
-    index = context.memory.recall("index", partial(_index, context.surfaces.segments))
     corners = np.concatenate(list(context.segments.values()))
-    near = index.query(boxes_of(corners[None], FARTHEST_M)[0])
-    surfaces = context.surfaces.take(np.sort(near))
+    box = np.append(corners.min(axis=0) - FARTHEST_M, corners.max(axis=0) + FARTHEST_M)
+    surfaces = context.near(box)
     mine = np.flatnonzero(np.isin(surfaces.ids, list(context.segments)))
     alike = surfaces.normals[mine] @ surfaces.normals.T >= np.cos(SAME_ANGLE_RAD)
     alike[:, mine] &= mine[:, None] < mine  # two members would come in both orders
@@ -39,7 +34,3 @@ def factors(node: ConceptNode, context: FactorContext) -> FactorResult:
     twice = (lie.overlaps >= -FARTHEST_M) & (np.abs(lie.gaps) <= FARTHEST_M)
     pairs = surfaces.ids[np.stack([mine[which], two], axis=1)[twice]]
     return FactorResult(same=[(first, second) for first, second in pairs.tolist()])
-
-
-def _index(segments: FloatArray) -> shapely.STRtree:
-    return shapely.STRtree(lines_of(segments))
