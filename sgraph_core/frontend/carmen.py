@@ -43,6 +43,8 @@ NEAREST_M = 0.05
 MOST_BEAMS = 10_000
 BEAMS_OF_100_DEGREES = 401
 LONGEST_LINE = 1_000_000
+GZIP = b"\x1f\x8b"
+"""What compressed logs begin with."""
 LARGEST_NUMBER = 1e12
 ABOUT_M = 100.0
 """Poses are shifted by a multiple of this, since planes far from the origin are ill conditioned."""
@@ -68,14 +70,15 @@ class CarmenLog:
 
 
 def read_carmen(path: str | Path) -> CarmenLog:
-    """Read a Carmen log, compressed where its name ends in .gz.
+    """Read a Carmen log, which may be compressed by gzip.
 
     Of a log that holds both kinds of messages, the kind that comes first is read. Lines of other
     messages are passed over.
 
     Raises:
-        InputError: the file cannot be read or is damaged, holds no scans, or a scan's message holds
-            a wrong number of fields or something other than finite numbers.
+        InputError: the file cannot be read or is damaged, holds no scans or only such that hit
+            nothing, or a scan's message holds a wrong number of fields or something other than
+            finite numbers.
     """
     kind, stamps, poses, scans = "", [], [], []
     for number, line in _lines(Path(path)):
@@ -91,6 +94,8 @@ def read_carmen(path: str | Path) -> CarmenLog:
             scans.append(points)
     if not scans:
         raise InputError(f"{path}: is no Carmen log: it holds no {' or '.join(_READERS)} message")
+    if not any(map(len, scans)):
+        raise InputError(f"{path}: no scan hits anything from {NEAREST_M:g} to {FARTHEST_M:g} m")
     name = Path(path).name.removesuffix(".gz").removesuffix(".log")
     return CarmenLog(name, np.array(stamps), np.array(poses), tuple(scans))
 
@@ -138,7 +143,9 @@ def _keyframes(poses: FloatArray) -> IntArray:
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
     """Yield the numbered lines of a file; a line that is too long ends with an error."""
     try:
-        with gzip.open(path, "rb") if path.suffix == ".gz" else path.open("rb") as file:
+        with path.open("rb") as content:
+            packed = path.suffix == ".gz" or content.peek(2).startswith(GZIP)
+            file = gzip.GzipFile(fileobj=content) if packed else content
             number = 0
             while line := file.readline(LONGEST_LINE):
                 number += 1
@@ -157,26 +164,26 @@ _Message = tuple[float, FloatArray, FloatArray]
 def _flaser(fields: list[str]) -> _Message:
     count = _count("number of ranges", fields[:1])
     _need(fields, 1 + count + 9)
-    ranges, pose = _numbers(fields[1 : 1 + count]), _pose(fields[1 + count : 4 + count])
+    ranges, pose = _numbers(fields, 1, count), _pose(fields, 1 + count)
     field_of_view = 100.0 if count == BEAMS_OF_100_DEGREES else 180.0
     steps = max(count - count % 2, 1)  # 180 and 181 ranges are both one degree apart
     angles = np.radians(field_of_view) * (np.arange(count) / steps - 0.5)
-    (stamp,) = _numbers(fields[count + 9 : count + 10])
+    (stamp,) = _numbers(fields, count + 9, 1)
     return stamp, pose, _points(ranges, angles, FARTHEST_M)
 
 
 def _robotlaser(fields: list[str]) -> _Message:
     _need(fields, 8)
-    start, _, step, farthest = _numbers(fields[1:5])
+    start, _, step, farthest = _numbers(fields, 1, 4)
     count = _count("number of ranges", fields[7:8])
     _need(fields, 8 + count + 1)
     remissions = _count("number of remissions", fields[8 + count : 9 + count])
     first = 9 + count + remissions
     _need(fields, first + 14)
     angles = start + step * np.arange(count)
-    ranges = _numbers(fields[8 : 8 + count])
-    (stamp,) = _numbers(fields[first + 13 : first + 14])
-    pose = _pose(fields[first : first + 3])
+    ranges = _numbers(fields, 8, count)
+    (stamp,) = _numbers(fields, first + 13, 1)
+    pose = _pose(fields, first)
     return stamp, pose, _points(ranges, angles, min(farthest, FARTHEST_M))
 
 
@@ -201,19 +208,32 @@ def _need(fields: list[str], count: int) -> None:
         raise ValueError(f"holds {len(fields)} fields: must hold {count} or more")
 
 
-def _numbers(fields: list[str]) -> FloatArray:
+def _numbers(fields: list[str], first: int, count: int) -> FloatArray:
+    texts = fields[first : first + count]
     try:
-        values = np.array(fields, np.float64)
+        values = np.array(texts, np.float64)
     except ValueError:
-        values = np.array([np.nan])
-    bad = ~np.isfinite(values) | (np.abs(values) > LARGEST_NUMBER)
-    if bad.any():
-        raise ValueError("ranges, poses and times must be finite numbers")
+        values = np.array([_number(text) for text in texts])
+    bad = np.flatnonzero(~(np.abs(values) <= LARGEST_NUMBER))
+    if len(bad):
+        field, text = first + bad[0] + 2, texts[bad[0]]  # counted from 1, the message's name too
+        raise ValueError(
+            f"field {field} = {text[:20]!r}: ranges, angles, poses and times "
+            f"must be finite numbers up to {LARGEST_NUMBER:g}"
+        )
     return values
 
 
-def _pose(fields: list[str]) -> FloatArray:
-    pose = _numbers(fields)
+def _number(text: str) -> float:
+    """Return a text's number, NaN if it is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return np.nan
+
+
+def _pose(fields: list[str], first: int) -> FloatArray:
+    pose = _numbers(fields, first, 3)
     if (np.abs(pose[:2]) > LARGEST_COORDINATE_M).any():
         x, y = pose[:2].tolist()
         raise ValueError(f"pose at ({x:g}, {y:g}): must be within {LARGEST_COORDINATE_M:g} m")

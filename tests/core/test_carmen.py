@@ -46,6 +46,12 @@ def test_scans_poses_and_stamps_are_read(tmp_path: Path, name: str) -> None:
     assert log.scans[0] == pytest.approx(np.array(expected, float), abs=1e-12)
 
 
+def test_a_compressed_log_needs_no_name_that_says_so(tmp_path: Path) -> None:
+    path = tmp_path / "a.log"
+    path.write_bytes(gzip.compress(flaser([1, 2, 3]).encode()))
+    assert len(read_carmen(path).scans) == 1
+
+
 @pytest.mark.parametrize(
     ("count", "last_deg"), [(180, 89.0), (181, 90.0), (360, 89.5), (401, 50.0)]
 )
@@ -91,6 +97,13 @@ def test_keyframes_are_half_a_metre_or_twenty_degrees_apart() -> None:
         (flaser([1, 2, float("nan")]), "must be finite numbers"),
         (flaser([1, 2, 3], x=float("inf")), "must be finite numbers"),
         (flaser([1, 2, 3]).replace("1.0000", "one"), "must be finite numbers"),
+        ("#\n" + flaser([1, 2, float("nan")]), "line 2: FLASER: field 5 = 'nan': ranges, angles"),
+        (flaser([1, 2, 3]).replace("3.0000", "3.o"), "line 1: FLASER: field 5 = '3.o': ranges"),
+        (flaser([1, 2, 3], x=float("inf")), "line 1: FLASER: field 6 = 'inf': ranges"),
+        (flaser([1, 2, 3], stamp=2e12), "line 1: FLASER: field 14 = '2000000000000.0': ranges"),
+        (robotlaser([1, 2, 3], farthest=float("nan")), "ROBOTLASER1: field 6 = 'nan': ranges"),
+        (robotlaser([1, 2, 3], x=float("nan")), "ROBOTLASER1: field 14 = 'nan': ranges"),
+        (flaser([81.9, 30, 0.01]) * 5, "no scan hits anything from 0.05 to 30 m"),
         (robotlaser([1, 2, 3])[:40], "line 1: ROBOTLASER1: holds"),
         ("x" * 1_000_001, "line 1: must be under 1000000 bytes"),
     ],

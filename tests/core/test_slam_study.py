@@ -211,3 +211,11 @@ def test_the_json_holds_results_and_comparisons(tmp_path: Path) -> None:
     assert first.pop("median_ratio") == pytest.approx(1.0)
     assert first == {"drive": "A", "variant": "ours, rooms", "pairs": 2, "wins": 1, "losses": 1}
     assert set(paired(HAND_MADE)) == {("A", "ours, rooms"), ("B", "ours, rooms")}
+
+
+def test_a_log_without_wall_surfaces_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "fog.log"
+    path.write_text("".join(f"FLASER 3 2 9 4 {x} 0 0 {x} 0 0 {x} host {x}\n" for x in range(5)))
+    (drive,) = log_drives([path], Conditions())
+    with pytest.raises(InputError, match=r"fog\.log: no wall surface is found"):
+        drive.trial(0)

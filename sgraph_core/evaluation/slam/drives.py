@@ -93,11 +93,14 @@ class Drive:
         """Record the drive; equal seeds give equal ones.
 
         Raises:
-            InputError: the log cannot be read, or the robot hardly moves.
+            InputError: the log cannot be read, the robot hardly moves, or it sees no wall surfaces.
         """
         if self.log is None:
             return Trial(self.conditions.record(scene(self.name), seed), seed)
-        return Trial(self.conditions.record_log(_read(self.log), seed), seed)
+        recording = self.conditions.record_log(_read(self.log), seed)
+        if not any(map(len, recording.observations)):
+            raise InputError(f"{self.log}: no wall surface is found in the scans of its keyframes")
+        return Trial(recording, seed)
 
 
 _read = cache(read_carmen)
