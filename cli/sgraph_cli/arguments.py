@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -24,6 +25,7 @@ __all__ = [
     "by_concept",
     "load_map",
     "make_detector",
+    "naming",
     "refuse_beside",
     "warn_about_absent",
     "warn_about_lists",
@@ -131,3 +133,14 @@ def load_map(path: Path) -> SGraph:
 
     with progress() as report, warnings_as_notes():
         return load(path, report)
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Let what cannot be done with a map be told with its file's name first."""
+    from sgraph_concepts.errors import ConceptError, InputError, OptimizationError, SGraphError
+
+    try:
+        yield
+    except (ConceptError, InputError, OptimizationError) as error:
+        raise SGraphError(f"{path}: {error}") from error

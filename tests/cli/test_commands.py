@@ -195,6 +195,16 @@ def test_a_map_without_keyframes_cannot_be_optimised(sgraph: Any, block_map: Pat
     assert_one_line(sgraph("infer", block_map, "--optimize"), "0 keyframes and 0 observations")
 
 
+def test_a_map_that_cannot_be_optimised_is_named(
+    sgraph: Any, demo_map: Path, tmp_path: Path
+) -> None:
+    file, content = tmp_path / "gap.json", json.loads(demo_map.read_text())
+    file.write_text(json.dumps({**content, "odometry": content["odometry"][:10]}))
+    assert_one_line(
+        sgraph("infer", file, "--optimize"), f"sgraph: {file}: odometry does not connect"
+    )
+
+
 @pytest.mark.parametrize(
     ("arguments", "part"),
     [

@@ -16,6 +16,7 @@ from sgraph_cli.arguments import (
     by_concept,
     load_map,
     make_detector,
+    naming,
     refuse_beside,
 )
 from sgraph_cli.console import note, print_table
@@ -106,7 +107,8 @@ def infer(
     if optimize:
         from sgraph_core.api import infer_and_optimize
 
-        result, solved = infer_and_optimize(graph, detector, concept, factors)
+        with naming(map_file):
+            result, solved = infer_and_optimize(graph, detector, concept, factors)
         _report(solved)
     else:
         result = detector.infer(graph, concept)
