@@ -50,9 +50,9 @@ class Keys:
         keyframe: key of a keyframe's Pose3 by its id; ``x`` symbols by default.
         surface: key of a wall surface's OrientedPlane3 by its id; ``s`` symbols by default.
         node: key of a node's variable by concept, node id and the variable's number; ``c`` symbols
-            by default.
+            by default, of ids below 2^32 and numbers below 256.
         tie: key of the anchor between two surfaces, by their ids, that are one surface mapped
-            twice; ``t`` symbols by default.
+            twice; ``t`` symbols by default, of ids below 2^28.
     """
 
     keyframe: Callable[[int], int] = _keyframe

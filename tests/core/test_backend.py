@@ -10,11 +10,12 @@ from drive import WALL_M, Drive, drive
 from plans import block
 from zone import Fickle
 
-from sgraph_concepts.errors import ConceptError, OptimizationError
+from sgraph_concepts.errors import ConceptError, InputError, OptimizationError
 from sgraph_concepts.types import ConceptNode, FactorContext, FloatArray, NodeShape
 from sgraph_core import infer
 from sgraph_core.backend import Keys, concept_factors, low_layers, optimize, robust
 from sgraph_core.backend.back_projection import shifted
+from sgraph_core.backend.concept_factors import observed_surfaces
 from sgraph_core.backend.published import centre_of
 from sgraph_core.backend.published import factors as published
 from sgraph_core.backend.ties import TieNoise, tie_planes
@@ -55,6 +56,33 @@ def test_a_consistent_graph_has_no_error() -> None:
     low = low_layers(consistent)
     assert low.graph.error(low.values) == pytest.approx(0, abs=1e-12)
     assert low_layers(graph).graph.error(low_layers(graph).values) > 0.1
+
+
+def test_the_order_of_keyframes_in_the_map_is_that_of_the_drive() -> None:
+    """Neither ids nor stamps say so: keyframe 9 came before keyframe 4, and is held in place."""
+    graph = SGraph()
+    graph.add_keyframe(9, LEVEL, stamp=8.0)
+    graph.add_keyframe(4, [1, 0, 0, 0, 0, 0, 1], stamp=2.0)
+    graph.add_odometry(4, 9, [-1, 0, 0, 0, 0, 0, 1], [0.1] * 6)
+    for surface, keyframes in ((0, [4, 9]), (1, [4])):
+        graph.add_wall_surface(surface, [[5, -1], [5, 1]], [-1, 0])
+        for keyframe in keyframes:
+            graph.observe(surface, keyframe, [-1, 0, 0, 4.0], [0.1, 0.1])
+    _, first_seen = observed_surfaces(graph)
+    assert first_seen.tolist() == [0, 1]
+    assert optimize(graph).graph.keyframe(9).pose == pytest.approx(LEVEL, abs=1e-6)
+
+
+def test_default_keys_differ_as_far_as_ids_go() -> None:
+    last = 2**53 - 1
+    keys = [KEYS.keyframe(last), KEYS.surface(last)]
+    keys += [KEYS.node("room", 2**32 - 1, 255), KEYS.node("wall", 2**32 - 1, 255)]
+    keys += [KEYS.tie(0, 2**28 - 1), KEYS.tie(2**28 - 2, 2**28 - 1)]
+    assert len(set(keys)) == 6
+    with pytest.raises(InputError, match=r"wall surface 268435456: .* ids below 2\^28"):
+        KEYS.tie(2**28, 0)
+    with pytest.raises(InputError, match=r"room 4294967296: .* ids below 2\^32"):
+        KEYS.node("room", 2**32, 0)
 
 
 def facing_wall(gap_seen: float) -> SGraph:
