@@ -153,9 +153,9 @@ class ConceptTracker:
 
     @property
     def pins(self) -> Pins:
-        """What is pinned; pairs that wait for a surface to be mapped are included."""
+        """A copy of what is pinned; pairs that wait for a surface to be mapped are included."""
         with self._lock:
-            return self._graph.pins or Pins()
+            return deepcopy(self._graph.pins or Pins())
 
     def pin(self, pins: Pins) -> None:
         """Let pins hold from the next update on, instead of those before.

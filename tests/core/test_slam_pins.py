@@ -254,6 +254,7 @@ def test_pins_do_not_change_with_what_they_were_made_of(detector: Detector) -> N
     tracker = ConceptTracker(detector=detector)
     tracker.pin(Pins(room_names=names))
     names[0] = "cellar"
+    tracker.pins.room_names[0] = "attic"  # type: ignore[index]
     graph = block(0.15)
     add_outline(graph, rectangle(20, 0, 5, 4), first_id=16)
     add(tracker, graph, range(16, 20))
