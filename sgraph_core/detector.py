@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -141,7 +141,8 @@ class Detector:
             name, groups = concept.spec.name, concept.spec.groups
             names = pins.room_names if name == PINNED_CONCEPT else {}
             grouped, before = result.concepts.get(groups, []), graph.concepts.get(name, [])
-            result.concepts[name] = run.nodes(concept, grouped, before, names)
+            identified = partial(keep_identity, old=before, names=names)
+            result.concepts[name] = run.nodes(concept, grouped, identified)
             if groups != WALL_SURFACE:
                 result.groups[name] = groups
         return Trace(result, fragments, run.scene, run.relations, run.clusters, room_pins)
@@ -182,16 +183,14 @@ class Inference:
         self,
         concept: RegisteredConcept,
         grouped: Sequence[ConceptNode],
-        before: Sequence[ConceptNode],
-        names: Mapping[int, str],
+        identified: Callable[[Sequence[ConceptNode]], Sequence[ConceptNode]],
     ) -> list[ConceptNode]:
         """Return the concept's nodes.
 
         Args:
             concept: the concept.
             grouped: the nodes that it groups, if it groups another concept's.
-            before: its nodes before, which give their ids and names to those they persist in.
-            names: names decided by a person, by node id.
+            identified: gives nodes their ids and names.
         """
         groups_surfaces = concept.spec.groups == WALL_SURFACE
         if not groups_surfaces and not grouped:
@@ -210,7 +209,7 @@ class Inference:
             )
             for members, cluster in clusters.items()
         ]
-        nodes = keep_identity(found, before, names)
+        nodes = identified(found)
         rows = {
             node.id: np.array(clusters[frozenset(node.members)].members, np.int64) for node in nodes
         }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -125,10 +125,16 @@ class LiveInference:
         self,
         concept: RegisteredConcept,
         grouped: Sequence[ConceptNode],
-        before: Sequence[ConceptNode],
+        identified: Callable[[Sequence[ConceptNode]], Sequence[ConceptNode]],
     ) -> list[ConceptNode]:
-        """Return the nodes of a concept that groups nodes, from all of these."""
+        """Return the nodes of a concept that groups nodes, from all of these.
+
+        Args:
+            concept: the concept.
+            grouped: all nodes that it groups.
+            identified: gives nodes their ids and names.
+        """
         rows = self._fragments.fragments.alive
         scene, _ = self._pairs.scene(rows, np.empty(0, np.int64))
         inference = Inference(self._detector, self._fragments.take(rows), scene)
-        return inference.nodes(concept, grouped, before, {})
+        return inference.nodes(concept, grouped, identified)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
 
 from sgraph_concepts.errors import InputError
 from sgraph_concepts.types import ConceptNode, NodeShape
-from sgraph_core.nodes import persisting
+from sgraph_core.nodes import keep_identity, persisting
 from sgraph_core.slam.clusters import Members
 from sgraph_core.tables import LARGEST_ID
 
@@ -114,12 +114,7 @@ class LiveNodes:
             for k, before in inherited.items()
         ]
         new = [node for k, node in enumerate(came) if k not in inherited]
-        taken = names if self.by_id else ()
-        free = (i for i in range(self._next, LARGEST_ID + 1) if i not in taken)
-        ids = list(islice(free, len(new)))
-        if len(ids) < len(new):
-            raise InputError(f"there is no id left for a {self._concept}")
-        added = [replace(node, id=i) for node, i in zip(new, ids, strict=True)]
+        added = self._numbered(new, names if self.by_id else ())
         there |= {node.id: frozenset(node.members) for node in (*added, *changed)}
         kept = {before.id for before in inherited.values()}
         return NodeChanges(added, changed, [node for node in gone if node.id not in kept]), there
@@ -152,6 +147,16 @@ class LiveNodes:
         )
         return NodeChanges(added, _by_id(changed), changes.removed)
 
+    def identified(self, nodes: Sequence[ConceptNode]) -> list[ConceptNode]:
+        """Return nodes with the ids and names of those that persist in them, others with new ids.
+
+        Raises:
+            InputError: there is no id left.
+        """
+        known = keep_identity(nodes, list(self.by_id.values()), {})
+        new = self._numbered([node for node in known if node.id not in self.by_id])
+        return [*(node for node in known if node.id in self.by_id), *new]
+
     def replaced_by(self, nodes: Sequence[ConceptNode]) -> NodeChanges:
         """Return what changes when there are these nodes and no others."""
         now = {node.id: node for node in nodes}
@@ -172,6 +177,16 @@ class LiveNodes:
             self._of_members[frozenset(node.members)] = node.id
             self._enter(node)
         self._next = max([self._next, *(node.id + 1 for node in changes.added)])
+
+    def _numbered(
+        self, nodes: Sequence[ConceptNode], taken: Container[int] = ()
+    ) -> list[ConceptNode]:
+        """Return new nodes with ids that were not used before, and are not taken otherwise."""
+        free = (i for i in range(self._next, LARGEST_ID + 1) if i not in taken)
+        ids = list(islice(free, len(nodes)))
+        if len(ids) < len(nodes):
+            raise InputError(f"there is no id left for a {self._concept}")
+        return [replace(node, id=i) for node, i in zip(nodes, ids, strict=True)]
 
     def _enter(self, node: ConceptNode) -> None:
         for member in node.members:

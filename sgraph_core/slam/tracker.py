@@ -461,8 +461,8 @@ class ConceptTracker:
                 change = nodes.named(change, names)
             elif anew or changes[groups]:
                 grouped = self._nodes[groups].after(changes[groups])
-                before = list(nodes.by_id.values())
-                change = nodes.replaced_by(live.nodes_of_nodes(concept, grouped, before))
+                now = live.nodes_of_nodes(concept, grouped, nodes.identified)
+                change = nodes.replaced_by(now)
             changes[name] = change
         return changes
 

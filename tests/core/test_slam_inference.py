@@ -18,6 +18,7 @@ from sgraph_core import load
 from sgraph_core.concepts import installed, new_registry
 from sgraph_core.detector import Detector
 from sgraph_core.evaluation.incremental import drive_through
+from sgraph_core.graph import Pins
 from sgraph_core.slam import ConceptTracker, Work
 from sgraph_plugins.room.outline import outline
 
@@ -181,7 +182,8 @@ def test_a_map_to_begin_with_gives_its_ids_and_names_on(detector: Detector) -> N
     assert add(tracker, known, range(16, 20)).nodes["room"].added[0].id == 24
 
 
-def test_a_concept_of_rooms_follows_the_rooms(detector: Detector) -> None:
+def with_floors(clusterer: str) -> Detector:
+    """Return a detector with a concept that groups rooms."""
     registry = new_registry()
     for concept in installed():
         registry.add(concept.spec, package=concept.package)
@@ -190,16 +192,29 @@ def test_a_concept_of_rooms_follows_the_rooms(detector: Detector) -> None:
         groups="room",
         relation="same_floor",
         baseline="zone:everything",
-        clusterer="zone:one_node",
+        clusterer=clusterer,
     )
     registry.add(floor)
-    graph, tracker = block(0.15), ConceptTracker(detector=Detector(registry))
+    return Detector(registry)
+
+
+def test_a_concept_of_rooms_follows_the_rooms() -> None:
+    graph, tracker = block(0.15), ConceptTracker(detector=with_floors("zone:one_node"))
     for room in range(4):
         add(tracker, graph, range(4 * room, 4 * room + 4))
         (floor_now,) = tracker.nodes("floor")
         assert floor_now.id == 0
         assert floor_now.members == tuple(node.id for node in tracker.nodes("room"))
     assert tracker.snapshot().groups == {"floor": "room"}
+
+
+def test_ids_of_what_groups_rooms_are_not_used_again() -> None:
+    graph, tracker = block(0.15), ConceptTracker(detector=with_floors("zone:one_each"))
+    add(tracker, graph, range(8))
+    assert [node.id for node in tracker.nodes("floor")] == [0, 1]
+    tracker.pin(Pins(not_same_room=((4, 5), (6, 7))))  # leaves two surfaces of a side: no room
+    assert [node.id for node in tracker.update().nodes["floor"].removed] == [1]
+    assert [node.id for node in add(tracker, graph, range(8, 12)).nodes["floor"].added] == [2]
 
 
 # -- how much is computed ------------------------------------------------------------------------

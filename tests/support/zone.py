@@ -49,6 +49,10 @@ def one_node(_edges: ScoredEdges, scene: Scene) -> list[Cluster]:
     return [Cluster(tuple(range(len(scene.nodes) or len(scene.surfaces))), 0.5)]
 
 
+def one_each(_edges: ScoredEdges, scene: Scene) -> list[Cluster]:
+    return [Cluster((row,), 0.5) for row in range(len(scene.nodes))]
+
+
 def too_few(_scene: Scene) -> FloatArray:
     return np.zeros(1)
 
