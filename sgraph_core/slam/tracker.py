@@ -62,7 +62,7 @@ class ConceptTracker:
 
     Args:
         graph: a map to begin with; it is copied. Its nodes give their ids and names on, its pins
-            hold, as in :meth:`pin`.
+            hold, as in :meth:`pin`. Its occupancy grid is not used: the map moves over it.
         detector: infers the concepts.
         keys: the keys of keyframes, surfaces and nodes.
         factor_types: by concept, another factor type than the declared one; see

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from floors import grid_of
 from plans import add_outline, block, plan, rectangle, true_rooms, true_walls
 from tracked import add, assert_as_inferred_at_once, building, eastwards
 
@@ -215,6 +216,16 @@ def test_ids_of_what_groups_rooms_are_not_used_again() -> None:
     tracker.pin(Pins(not_same_room=((4, 5), (6, 7))))  # leaves two surfaces of a side: no room
     assert [node.id for node in tracker.update().nodes["floor"].removed] == [1]
     assert [node.id for node in add(tracker, graph, range(8, 12)).nodes["floor"].added] == [2]
+
+
+def test_the_grid_of_a_map_to_begin_with_is_not_used(detector: Detector) -> None:
+    graph = block(0.15)
+    graph.grid = grid_of(200, 200)  # nothing is free: by it there is no room
+    assert not detector.infer(graph).concepts["room"]
+    tracker = ConceptTracker(graph, detector)
+    tracker.update()
+    assert len(tracker.nodes("room")) == 4
+    assert tracker.snapshot().grid is not None
 
 
 # -- how much is computed ------------------------------------------------------------------------
