@@ -26,6 +26,7 @@ from sgraph_core.graph import SGraph
 from sgraph_core.proximity import build_scene
 from sgraph_plugins.room.cluster import cluster
 from sgraph_plugins.room.outline import outline
+from sgraph_plugins.room.shape import shape
 
 
 def outline_of(graph: SGraph, *missing: int) -> shapely.Polygon:
@@ -248,3 +249,31 @@ def test_an_outline_moves_and_turns_with_its_surfaces(seed: int, angle: float) -
     assert (one is None) == (two is None)
     if one is not None and two is not None:
         assert two.area == pytest.approx(one.area, abs=1e-2)
+
+
+def with_a_gap(corners: list[Point], side: int, start: float, end: float) -> list[list[Point]]:
+    """Return the sides of a room; one that runs along y is open from one y to another."""
+    sides = [[corners[k], corners[(k + 1) % 4]] for k in range(4)]
+    first, last = sides.pop(side)
+    return [*sides, [first, (first[0], start)], [(last[0], end), last]]
+
+
+@pytest.mark.parametrize(
+    "beside", [rectangle(5, 1, 2, 2), rectangle(4.9, 0, 5, 4)], ids=["touching", "equal"]
+)
+def test_rounding_does_not_decide_where_a_doorway_is(beside: list[Point]) -> None:
+    """Whether rooms overlap that touch, and which of two equal ones that overlap stays whole."""
+    west = with_a_gap(rectangle(0, 0, 5, 4), 1, 0.8, 2.1)
+    east = with_a_gap(beside, 3, 2.7, 1.3)
+    rows = {0: np.arange(5), 1: np.arange(5, 10)}
+    for angle in np.linspace(-3, 3, 40):
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        graph = SGraph()
+        for number, (start, end) in enumerate(np.array([*west, *east]) @ turn.T + 7 * angle):
+            along = (end - start) / np.linalg.norm(end - start)
+            graph.add_wall_surface(number, [start, end], [-along[1], along[0]])
+        found = shape(rows, build_scene(graph.wall_surfaces.ordered()))[0].attributes
+        assert found["area_m2"] == pytest.approx(20, abs=2e-3)
+        (door,) = found["doorways"]
+        assert door["position"] == pytest.approx(turn @ [5, 1.7] + 7 * angle, abs=2e-3)
+        assert door["width_m"] == pytest.approx(0.8, abs=2e-3)

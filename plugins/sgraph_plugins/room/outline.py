@@ -24,19 +24,23 @@ MOST_LINES = 80
 REACH_M = 3.0
 GRID_M = 1e-6
 """Coordinates are snapped to this grid, so that lines which meet do meet."""
+STRAIGHT_M, TOUCH_M = 1e-3, 1e-5
+"""A border that bends by less is straight: where the room's own lines cross it, and where another
+room touches it, since rounding decides whether the two overlap."""
 
 
 def outlines(rooms: Mapping[int, SurfaceArrays], memory: Memory) -> dict[int, shapely.Polygon]:
     """Return the polygons that rooms' surfaces enclose; where two overlap, the smaller one stays.
 
-    A room whose surfaces enclose nothing has none.
+    Of two that are equal but for rounding, the one of the lower id stays. A room whose surfaces
+    enclose nothing has none.
     """
     whole = {
         room: memory.recall(("outline", surfaces.content), partial(outline, surfaces))
         for room, surfaces in rooms.items()
     }
     found = {room: polygon for room, polygon in whole.items() if polygon is not None}
-    ordered = sorted(found, key=lambda room: (found[room].area, room))
+    ordered = sorted(found, key=lambda room: (round(found[room].area, 3), room))
     tree = shapely.STRtree(np.array([found[room] for room in ordered], object))
     one, two = tree.query(tree.geometries, predicate="overlaps")
     within, around = tree.query(tree.geometries, predicate="within")
@@ -48,7 +52,7 @@ def outlines(rooms: Mapping[int, SurfaceArrays], memory: Memory) -> dict[int, sh
         ]
         left = _largest(shapely.difference(found[room], shapely.union_all(smaller)))
         if left is not None:
-            apart[room] = left
+            apart[room] = _without_needless_points(left, TOUCH_M) if smaller else left
     return apart
 
 
@@ -71,7 +75,7 @@ def outline(surfaces: SurfaceArrays) -> shapely.Polygon | None:
         return None
     inside = faces[winding(surfaces.segments, _middles(faces)) > INSIDE]
     whole = _largest(shapely.union_all(inside, grid_size=GRID_M))
-    return None if whole is None else _without_needless_points(whole)
+    return None if whole is None else _without_needless_points(whole, STRAIGHT_M)
 
 
 def _middles(faces: Geometries) -> FloatArray:
@@ -92,10 +96,10 @@ def _largest(area: shapely.Geometry) -> shapely.Polygon | None:
     return None if largest is None or largest.is_empty else largest
 
 
-def _without_needless_points(polygon: shapely.Polygon) -> shapely.Polygon:
-    """Drop the points on straight edges, where the lines of other surfaces cross them."""
+def _without_needless_points(polygon: shapely.Polygon, within_m: float) -> shapely.Polygon:
+    """Drop the points this close to straight edges, where other lines or rooms meet them."""
     # normalize lets the rings begin at a corner: simplify keeps the point they begin with
-    simple = polygon.normalize().simplify(1e-3, preserve_topology=False)
+    simple = polygon.normalize().simplify(within_m, preserve_topology=False)
     if isinstance(simple, shapely.Polygon) and simple.is_valid and simple.area > 0:
         return simple
     return polygon
