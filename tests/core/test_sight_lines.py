@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
 from drive import row
 
 from sgraph_concepts.types import FloatArray
+from sgraph_core.backend.association import _Drive
 from sgraph_core.backend.sight_lines import SightLines
 from sgraph_core.backend.visits import AWAY
 from sgraph_core.graph import SGraph
@@ -146,3 +149,45 @@ def test_only_what_was_mapped_long_before_may_be_in_the_way(later: int, known: b
         sights, centre = drive(older, newer, later=later)
         move = np.array([0.0, -10, 0])
         assert (sights.blocked(later, later + 2, move, centre) > 0) is known
+
+
+def free_within(only: tuple[float, float, float], shift_m: float, turn: float) -> bool:
+    """Return whether a correction of so small a shift and angle is free, where only one is.
+
+    The window saw two walls, straight ahead and at 45 degrees. Half-way there is a row of older
+    walls, which can be looked through only where two of them meet: they lose 0.2 m at each end.
+
+    Args:
+        only: angle, x and y of the correction by which both lines go through there.
+        shift_m: the longest shift.
+        turn: the largest angle.
+    """
+    angle, x, y = only
+    ahead = DRIFT[0] + x - angle * (3 - y)
+    aside = DRIFT[0] + x + (1 - angle) / (1 + angle) * (3 - y)
+    ends = [2.0, ahead, aside, 30.0]
+    row: list[Wall] = [((start, 3), (end, 3)) for start, end in pairwise(ends)]
+    sights, centre = drive(row, [FAR, ((6, 6), (8, 6))])
+    assert sights.blocked(LATER, END, np.array(only), centre) == 0
+    nothing: Any = None  # all that counts are the lines of sight
+    return _Drive(nothing, nothing, nothing, sights).is_free_within(LATER, shift_m, turn, centre)
+
+
+@pytest.mark.parametrize("x", np.linspace(-1.5, 1.5, 7))
+@pytest.mark.parametrize("y", np.linspace(-1.5, 1.5, 7))
+def test_shifts_are_tried_in_steps_of_a_third_each_way(x: float, y: float) -> None:
+    assert free_within((0, x, y), 1.5, 0) is bool(np.hypot(x, y) <= 1.5)
+    assert not free_within((0, x + 0.25, y), 1.5, 0), "between two steps, or beyond the last"
+
+
+def test_angles_are_tried_in_steps_of_a_half() -> None:
+    tried = {angle: free_within((angle, 0, 0), 0, 0.4) for angle in np.linspace(-0.6, 0.6, 13)}
+    assert [round(angle, 1) for angle, free in tried.items() if free] == [-0.4, -0.2, 0, 0.2, 0.4]
+
+
+@pytest.mark.parametrize("angle", [-0.4, -0.2, 0.2, 0.4])
+def test_every_angle_is_tried_with_every_shift(angle: float) -> None:
+    for only in ((angle, 1.0, -1.0), (angle, -1.0, 0.5), (angle, -0.5, -0.5)):
+        assert free_within(only, 1.5, 0.4)
+        assert not free_within(only, 0, 0.4)
+        assert not free_within(only, 1.5, 0)
