@@ -14,8 +14,9 @@ from visits import AWAY, KEYFRAMES, visit_rooms
 from sgraph_concepts.errors import ConceptError
 from sgraph_concepts.types import ConceptNode, NodeShape
 from sgraph_core.backend import associate, optimize
-from sgraph_core.backend.association import Proposal
+from sgraph_core.backend.association import Association, Proposal, Same
 from sgraph_core.backend.concept_factors import propose
+from sgraph_core.backend.robust import Refusal
 from sgraph_core.evaluation.block import block_of_rooms
 from sgraph_core.graph import SGraph
 
@@ -264,8 +265,7 @@ def thick_wall(drift: tuple[float, float, float]) -> SGraph:
 @pytest.fixture
 def mapped_in_one_go(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let sides count as mapped in one go, whenever they were: thicknesses are held as mapped."""
-    module = sys.modules["sgraph_plugins.wall.factor"]
-    monkeypatch.setattr(module, "AT_ONCE", 3 * KEYFRAMES)
+    monkeypatch.setattr("sgraph_plugins.wall.factor.AT_ONCE", 3 * KEYFRAMES)
 
 
 @pytest.mark.usefixtures("mapped_in_one_go")
@@ -289,6 +289,34 @@ def test_a_wall_is_reported_as_switched_off_where_no_round_is_left_to_make_it_an
     solved = optimize(graph)
     assert solved.switched_off == [("wall", 0)]
     assert solved.factors == optimize(graph, {"wall": "none"}).factors
+
+
+@pytest.mark.usefixtures("mapped_in_one_go")
+@pytest.mark.parametrize("anew_m", [0.0, np.inf], ids=["made anew", "kept"])
+def test_a_tie_that_was_switched_off_stays_off_in_later_rounds(
+    anew_m: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Eastern walls of two rooms are taken for one; the ties of later rounds move the map."""
+    module = sys.modules["sgraph_core.backend.optimize"]
+    monkeypatch.setattr(module, "ANEW_M", anew_m)
+    neighbour = rectangle(5.2, 0, 4, 4)
+    graph = visit_rooms([(ROOM, (0, 0, 0)), (neighbour, (0, 0, 0)), (ROOM, DRIFT)])
+    wall = ConceptNode(0, (1, 7), shape=NodeShape((5.1, 2.0), thickness=0.2))
+    graph.concepts["wall"] = [wall]
+
+    def refused_ties(rounds: int) -> list[Refusal]:
+        pairs = iter([(1, 5), (0, 8), (1, 9), (2, 10)][:rounds])
+        found = (Association([Same("room", 0, pair)]) for pair in pairs)
+        monkeypatch.setattr(module, "associate", lambda *_: next(found, Association()))
+        solved = optimize(graph)
+        assert len(solved.association.same) == rounds
+        return [refusal for refusal in solved.refusals if refusal.surfaces]
+
+    (at_first,) = refused_ties(1)
+    assert at_first.surfaces == (1, 5)
+    (in_the_end,) = refused_ties(4)
+    assert in_the_end.surfaces == (1, 5)
+    assert in_the_end.squares == pytest.approx(at_first.squares, rel=1e-6), "it is not tried again"
 
 
 def test_a_wall_between_two_visits_does_not_hold_the_drift_between_them() -> None:
