@@ -15,7 +15,7 @@ from sgraph_concepts.types import ConceptNode, FactorContext, FloatArray, NodeSh
 from sgraph_core import infer
 from sgraph_core.backend import Keys, concept_factors, low_layers, optimize, robust
 from sgraph_core.backend.back_projection import shifted
-from sgraph_core.backend.concept_factors import observed_surfaces
+from sgraph_core.backend.observed import observed_in
 from sgraph_core.backend.published import centre_of
 from sgraph_core.backend.published import factors as published
 from sgraph_core.backend.ties import TieNoise, tie_planes
@@ -68,8 +68,7 @@ def test_the_order_of_keyframes_in_the_map_is_that_of_the_drive() -> None:
         graph.add_wall_surface(surface, [[5, -1], [5, 1]], [-1, 0])
         for keyframe in keyframes:
             graph.observe(surface, keyframe, [-1, 0, 0, 4.0], [0.1, 0.1])
-    _, first_seen = observed_surfaces(graph)
-    assert first_seen.tolist() == [0, 1]
+    assert observed_in(graph).first_seen.tolist() == [0, 1]
     assert optimize(graph).graph.keyframe(9).pose == pytest.approx(LEVEL, abs=1e-6)
 
 
