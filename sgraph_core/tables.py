@@ -37,6 +37,8 @@ LARGEST_ID = 2**53 - 1
 ID_RULE = f"must be an integer from 0 to {LARGEST_ID}"
 LARGEST_COORDINATE_M = 1e8
 """Positions beyond this are no map's: UTM needs 1e7, and float64 resolves 15 nm here."""
+LEAST_SIGMA, GREATEST_SIGMA = 1e-6, 1e6
+"""Standard deviations, rad or m: beyond these no sensor knows, and sums of information overflow."""
 NORM_TOLERANCE = 1e-3
 """How far the norm of a normal or quaternion may be from 1."""
 PERPENDICULAR_TOLERANCE_RAD = np.radians(5.0)
@@ -262,6 +264,6 @@ class Check:
         self.unit(name, poses[:, 3:], poses)
 
     def sigmas(self, sigmas: FloatArray) -> None:
-        """Standard deviations are finite and positive."""
-        good = (np.isfinite(sigmas) & (sigmas > 0)).all(axis=1)
-        self.that(good, "sigmas", sigmas, "must be finite and positive")
+        """Standard deviations are positive, and such as an instrument or a guess may have."""
+        good = (sigmas >= LEAST_SIGMA) & (sigmas <= GREATEST_SIGMA)
+        self.that(good.all(axis=1), "sigmas", sigmas, "must be from 1e-6 to 1e6")

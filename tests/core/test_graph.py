@@ -7,6 +7,7 @@ import pytest
 
 from sgraph_concepts.errors import InputError
 from sgraph_concepts.types import ConceptNode
+from sgraph_core.backend import optimize
 from sgraph_core.graph import SGraph
 from sgraph_core.tables import turned
 
@@ -70,6 +71,22 @@ def test_values_of_the_wrong_shape_or_kind_are_named(graph: SGraph) -> None:
         graph.observe(99, 0, [0, 1, 0, 1], [0.01, 0.02])
     with pytest.raises(InputError, match=r"at = .*must be finite"):
         graph.observe(10, 0, [0, 1, 0, 1], [0.01, 0.02], [np.nan, 0, 0])
+
+
+@pytest.mark.parametrize("sigma", [0.0, -1.0, 1e-160, 9e-7, 1.1e6, np.inf, np.nan])
+def test_sigmas_that_no_sensor_has_are_refused(graph: SGraph, sigma: float) -> None:
+    rule = r"must be from 1e-6 to 1e6$"
+    with pytest.raises(InputError, match=rf"^odometry\[0\].sigmas = \[0.1, .*{rule}"):
+        graph.add_odometry(0, 1, [1, 0, 0, 0, 0, 0, 1], [0.1] * 5 + [sigma])
+    with pytest.raises(InputError, match=rf"^observations\[0\].sigmas = \[.*, 0.1\]: {rule}"):
+        graph.observe(10, 0, [0, 1, 0, 1], [sigma, 0.1])
+
+
+@pytest.mark.parametrize("sigma", [1e-6, 1e6])
+def test_a_map_with_the_extreme_sigmas_can_be_solved(graph: SGraph, sigma: float) -> None:
+    graph.add_odometry(0, 1, [1, 0, 0, 0, 0, 0, 1], [sigma] * 6)
+    graph.observe(20, 1, [-1, 0, 0, 3], [sigma, 0.1])
+    assert optimize(graph).graph.keyframe(1).pose == pytest.approx([1, 0, 0, 0, 0, 0, 1], abs=1e-6)
 
 
 def test_ordered_endpoints_do_not_depend_on_the_input_order() -> None:
