@@ -133,6 +133,7 @@ def associate(
 
     Raises:
         ConceptError: a pair names something else.
+        OptimizationError: sigmas differ by too much to tell how far the drive has drifted.
     """
     visits = Visits(graph)
     who = _candidates(proposals, visits, {frozenset(same.pair) for same in known.same})

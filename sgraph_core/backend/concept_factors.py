@@ -117,6 +117,7 @@ def concept_factors(
         ConceptError: a factor type is unknown, a plugin's factor function fails, or its factors
             are not fit for a graph: an error or derivative that is not finite, a Jacobian of the
             wrong width, a variable that another node has.
+        OptimizationError: pairs to tie cannot be found, as ``associate`` raises it.
     """
     check_nodes(graph.concepts, set(graph.wall_surfaces.ids.tolist()))
     keys, registry = keys or Keys(), registry if registry is not None else installed()

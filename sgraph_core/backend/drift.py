@@ -19,7 +19,9 @@ import numpy as np
 from scipy.sparse import coo_array, csc_array, diags_array, eye_array
 from scipy.sparse.linalg import splu
 
+from sgraph_concepts.errors import OptimizationError
 from sgraph_concepts.types import FloatArray, IntArray
+from sgraph_core.backend.failing import failing_as
 from sgraph_core.backend.visits import AWAY
 from sgraph_core.geometry import cross
 from sgraph_core.graph import SGraph
@@ -27,6 +29,7 @@ from sgraph_core.tables import turned
 
 __all__ = ["Drift"]
 
+UNTOLD = "how far the drive has drifted cannot be told"
 UNKNOWN = 1e5
 """Standard deviation, in rad and m, of what nothing measures."""
 
@@ -36,6 +39,9 @@ class Drift:
 
     Args:
         graph: an S-Graph whose low layers are solved.
+
+    Raises:
+        OptimizationError: sigmas differ by so much that the smallest drown all others.
     """
 
     def __init__(self, graph: SGraph) -> None:
@@ -50,7 +56,8 @@ class Drift:
         entries = factors.ravel(), (rows.ravel(), columns.ravel())
         measured = coo_array(entries, shape).tocsc()
         information = (measured.T @ measured + eye_array(shape[1]) / UNKNOWN**2).tocsc()
-        self._information = splu(_without_planes(information, poses))
+        with failing_as(UNTOLD), np.errstate(divide="raise", over="raise", invalid="raise"):
+            self._information = splu(_without_planes(information, poses))
 
     def between(self, one: int, two: int, point: FloatArray) -> FloatArray:
         """Return the covariance of how two keyframes' views differ from one rigid map, [3, 3].
@@ -59,13 +66,19 @@ class Drift:
             one: row of a keyframe.
             two: row of another.
             point: about which angle, x and y of the difference are taken, in the world, [2].
+
+        Raises:
+            OptimizationError: sigmas differ by too much; likewise.
         """
         x, y = (point - self._origin).tolist()
         at_point = np.array([[1.0, 0.0, 0.0], [-y, 1.0, 0.0], [x, 0.0, 1.0]])
         difference = np.zeros((self._information.shape[0], 3))
         difference[3 * one : 3 * one + 3] -= at_point.T
         difference[3 * two : 3 * two + 3] += at_point.T
-        return np.asarray(difference.T @ self._information.solve(difference))
+        covariance = np.asarray(difference.T @ self._information.solve(difference))
+        if not np.isfinite(covariance).all():
+            raise OptimizationError(f"{UNTOLD}: its covariance is not finite")
+        return covariance
 
     def _motions(self, graph: SGraph) -> tuple[IntArray, FloatArray]:
         """Return the equations of odometry: variables [E, 6] and their whitened factors."""

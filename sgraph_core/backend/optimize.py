@@ -104,7 +104,7 @@ def optimize(
 
     Raises:
         OptimizationError: there is nothing to optimise, odometry does not connect all keyframes,
-            or a factor fails.
+            a factor fails, or sigmas differ by too much to tell how far the drive has drifted.
         InputError: a node breaks the map file's rules.
         ConceptError: a factor type is unknown, or a plugin's factors are not fit for a graph.
     """

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf, isnan
 
 import gtsam
 from scipy.special import chdtri
 
-from sgraph_concepts.errors import ConceptError, OptimizationError, one_line
+from sgraph_concepts.errors import ConceptError, one_line
 from sgraph_core.backend.concept_factors import ConceptFactors, FactorGroup
+from sgraph_core.backend.failing import failing_as
 from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.low_layers import LowLayers
 
@@ -122,7 +122,7 @@ class _Solver:
     def __init__(self, factors: gtsam.NonlinearFactorGraph, start: gtsam.Values) -> None:
         parameters = gtsam.LevenbergMarquardtParams()
         parameters.setlambdaUpperBound(MOST_DAMPING)
-        with _failing_as("the factor graph cannot be solved"):
+        with failing_as("the factor graph cannot be solved"):
             self._optimizer = gtsam.LevenbergMarquardtOptimizer(factors, start, parameters)
         self.converged = False
 
@@ -144,7 +144,7 @@ class _Solver:
         Raises:
             OptimizationError: a factor fails.
         """
-        with _failing_as("the factor graph cannot be solved"):
+        with failing_as("the factor graph cannot be solved"):
             self.converged = False
             while self.iterations < MOST_ITERATIONS and not self.converged:
                 before = self._optimizer.error()
@@ -153,17 +153,9 @@ class _Solver:
                 self.converged = not gain > max(tolerance * before, NOTHING)
 
 
-@contextmanager
-def _failing_as(what: str) -> Iterator[None]:
-    try:
-        yield
-    except Exception as error:  # a third party's factors may raise anything
-        raise OptimizationError(f"{what}: {one_line(error)}") from error
-
-
 def error_of(factors: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> float:
     """Return half the sum of squared whitened residuals. Raises OptimizationError as solve does."""
-    with _failing_as("a factor fails in the solution"):
+    with failing_as("a factor fails in the solution"):
         return float(factors.error(values))
 
 

@@ -9,7 +9,8 @@ import gtsam
 import networkx as nx
 import numpy as np
 
-from sgraph_concepts.errors import OptimizationError, one_line
+from sgraph_concepts.errors import OptimizationError
+from sgraph_core.backend.failing import failing_as
 from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.low_layers import add_odometry, add_poses, hold, vertical_planes
 from sgraph_core.backend.sightings import add_observations, is_planar, plane_value
@@ -116,13 +117,9 @@ class Smoother:
         params = gtsam.ISAM2UpdateParams()
         params.force_relinearize = anew
         params.removeFactorIndices = update.remove
-        try:
+        with failing_as("the factor graph cannot be solved"):
             values.insert(update.values)
             result = self._isam.update(factors, values, params)
-        except Exception as error:  # a third party's factors may raise anything
-            raise OptimizationError(
-                f"the factor graph cannot be solved: {one_line(error)}"
-            ) from error
         return list(result.getNewFactorsIndices())
 
 

@@ -319,7 +319,8 @@ class ConceptTracker:
         Raises:
             InputError: the factors of the last update have not been placed.
             ConceptError: a plugin proposes something else than pairs of observed surfaces.
-            OptimizationError: as :meth:`optimize` raises it, on a graph of the tracker's own.
+            OptimizationError: sigmas differ by too much to tell how far the drive has drifted; or
+                as :meth:`optimize` raises it, on a graph of the tracker's own.
         """
         with self._lock:
             self._ledger.require_placed()

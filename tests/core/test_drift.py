@@ -5,10 +5,13 @@ from __future__ import annotations
 import gtsam
 import numpy as np
 import pytest
+import visits
 from drive import row
 from plans import rectangle
 from visits import visit_rooms
 
+from sgraph_concepts.errors import OptimizationError
+from sgraph_core.backend import optimize
 from sgraph_core.backend.drift import Drift
 from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.low_layers import low_layers, pose3
@@ -72,3 +75,13 @@ def test_what_the_front_end_recognised_is_not_believed() -> None:
         plane = graph.observations.planes[graph.observations.surface_ids == surface][0]
         graph.observe(surface, 21, plane, [0.01, 0.02])
     assert Drift(graph).between(0, 21, point) == pytest.approx(before, rel=1e-6, abs=1e-9)
+
+
+def test_sigmas_that_drown_one_another_are_an_error_of_optimisation(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Heading and x are unknown, y is exact: float64 does not hold the sums of information."""
+    monkeypatch.setattr(visits, "SIGMAS", [1e-3, 1e-3, 1e6, 1e6, 1e-6, 1e-3])
+    graph = visit_rooms([(rectangle(0, 0, 5, 4), (0, 0, 0.4))] * 2)
+    with pytest.raises(OptimizationError, match="how far the drive has drifted cannot be told: "):
+        optimize(graph)
