@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import gtsam
 import numpy as np
@@ -18,8 +18,9 @@ def check_factors(
 ) -> None:
     """Check the factors that a plugin returned for one node.
 
-    Each factor that calls back into Python is linearised once: gtsam takes Jacobians of the wrong
-    width without a word, and solves something else.
+    Each factor's error and Jacobians are asked for once, unwhitened: gtsam takes Jacobians of the
+    wrong width without a word and solves something else, and whitening those of the wrong height
+    reads and writes beyond their ends.
 
     Args:
         what: named in the error.
@@ -28,8 +29,9 @@ def check_factors(
         others: variables of other nodes.
 
     Raises:
-        ConceptError: a key is taken or unknown, or an error or derivative is not finite or not of
-            the size that its variables have.
+        ConceptError: a key is taken or unknown, a variable is of a type that its factor does not
+            take, a covariance is not positive definite, or an error or derivative is not finite or
+            not of the size that noise model and variables have.
     """
     own = gtsam.Values()
     for key, value in result.values:
@@ -57,32 +59,65 @@ def _check(
             name = gtsam.DefaultKeyFormatter(key)
             raise ConceptError(f"{what}: {name} is neither a member's plane nor the node's own")
     _check_noise(what, factor)
-    if not isinstance(factor, gtsam.CustomFactor):
-        return
     point = own.extract([key for key in keys if own.exists(key)])
     for key in set(keys) & planes.keys():
         point.insert(key, gtsam.OrientedPlane3(*planes[key]))
     try:
-        jacobian, error = factor.linearize(point).jacobian()
+        error, jacobians = _evaluated(factor, point)
     except Exception as problem:  # a third party's code may raise anything
         raise ConceptError(f"{what} cannot be linearised: {one_line(problem)}") from problem
-    if jacobian.shape[1] != point.dim():
-        raise ConceptError(
-            f"{what}: its Jacobians are {jacobian.shape[1]} wide together, "
-            f"its variables {point.dim()}"
-        )
-    if not (np.isfinite(jacobian).all() and np.isfinite(error).all()):
+    if isinstance(factor, gtsam.CustomFactor):
+        _check_sizes(what, factor, point.dims(), error, jacobians)
+    if not all(np.isfinite(part).all() for part in (error, *jacobians)):
         raise ConceptError(f"{what}: its error or Jacobians are not finite")
 
 
 def _check_noise(what: str, factor: gtsam.NonlinearFactor) -> None:
-    model = factor.noiseModel() if isinstance(factor, gtsam.NoiseModelFactor) else None
+    if not isinstance(factor, gtsam.NoiseModelFactor):
+        return
+    model = factor.noiseModel()
+    while isinstance(model, gtsam.noiseModel.Robust):
+        model = model.noise()
+    definite = True
+    if model is None:
+        raise ConceptError(f"{what}: it has no noise model")
     if isinstance(model, gtsam.noiseModel.Diagonal):
         definite = all(0 < sigma < np.inf for sigma in model.sigmas().tolist())
     elif isinstance(model, gtsam.noiseModel.Gaussian):
         root = model.R()
         definite = bool(np.isfinite(root).all() and (np.diag(root) > 0).all())
-    else:
-        return
     if not definite:
         raise ConceptError(f"{what}: its covariance is not positive definite")
+
+
+def _evaluated(
+    factor: gtsam.NonlinearFactor, point: gtsam.Values
+) -> tuple[FloatArray, list[FloatArray]]:
+    """Return a factor's error and its Jacobians, one per key, before whitening."""
+    if not isinstance(factor, gtsam.NoiseModelFactor):
+        return np.array([factor.error(point)]), []
+    jacobians = gtsam.JacobianVector([np.empty((0, 0))] * factor.size())
+    return factor.unwhitenedError(point, jacobians), list(jacobians)
+
+
+def _check_sizes(
+    what: str,
+    factor: gtsam.CustomFactor,
+    dims: Mapping[int, int],
+    error: FloatArray,
+    jacobians: Sequence[FloatArray],
+) -> None:
+    """Check what Python returned before gtsam's C++ reads beyond its ends."""
+    keys, rows = factor.keys(), factor.dim()
+    if len(error) != rows:
+        raise ConceptError(f"{what}: its error has {len(error)} rows, its noise model {rows}")
+    if len(jacobians) != len(keys):
+        raise ConceptError(f"{what}: it has {len(jacobians)} Jacobians for {len(keys)} variables")
+    widths = sum(jacobian.shape[1] for jacobian in jacobians), sum(dims[key] for key in keys)
+    for key, jacobian in zip(keys, jacobians, strict=True):
+        if jacobian.shape != (rows, dims[key]):
+            raise ConceptError(
+                f"{what}: its Jacobians are {widths[0]} wide together, its variables {widths[1]}; "
+                f"that of {gtsam.DefaultKeyFormatter(key)} is {jacobian.shape[0]} x "
+                f"{jacobian.shape[1]}, must be {rows} x {dims[key]}"
+            )

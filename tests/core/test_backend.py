@@ -488,8 +488,15 @@ def test_a_factor_function_that_fails_is_named_and_the_graph_unchanged() -> None
     ("name", "message"),
     [
         ("wide_factor", "its Jacobians are 7 wide together, its variables 5"),
+        ("shifted_factor", r".*; that of s1 is 2 x 2, must be 2 x 3$"),
+        ("tall_factor", r".*; that of s1 is 3 x 3, must be 2 x 3$"),
+        ("unset_factor", r".*; that of s7 is 0 x 0, must be 2 x 3$"),
+        ("long_factor", "its error has 3 rows, its noise model 2"),
+        ("forgetful_factor", "it has 1 Jacobians for 2 variables"),
         ("endless_factor", "its error or Jacobians are not finite"),
         ("indefinite_factor", "its covariance is not positive definite"),
+        ("robust_indefinite_factor", "its covariance is not positive definite"),
+        ("noiseless_factor", "it has no noise model"),
         ("taken_key", "the key s1 is taken"),
         ("lost_key", "7 is neither a member's plane nor the node's own"),
     ],
@@ -500,6 +507,12 @@ def test_factors_that_are_not_fit_for_a_graph_are_named(name: str, message: str)
     with pytest.raises(ConceptError, match=f"factor of wall 0: {message}"):
         optimize(graph, {"wall": f"zone:{name}"})
     assert (graph.keyframes.poses == poses).all()
+
+
+def test_a_native_factor_on_a_variable_of_another_type_is_named() -> None:
+    message = "^factor of wall 0 cannot be linearised: .*OrientedPlane3.* requested type was"
+    with pytest.raises(ConceptError, match=message):
+        optimize(with_walls(drive(0)), {"wall": "zone:mistyped_prior"})
 
 
 def test_a_variable_that_nothing_links_to_others_is_solved_too() -> None:

@@ -174,11 +174,74 @@ def endless_factor(node: ConceptNode, context: FactorContext) -> FactorResult:
     return _custom(node, context, 3, np.nan, UNIT)
 
 
-def indefinite_factor(_node: ConceptNode, context: FactorContext) -> FactorResult:
+def _of_two_planes(
+    node: ConceptNode, context: FactorContext, *shapes: tuple[int, int] | None, rows: int = 2
+) -> FactorResult:
+    """Return a factor on two planes with Jacobians of given shapes, None for one that is unset."""
+
+    def residual(_factor: Any, _values: Any, jacobians: list[FloatArray] | None) -> FloatArray:
+        for k, shape in enumerate(shapes if jacobians is not None else ()):
+            if jacobians is not None and shape is not None:
+                jacobians[k] = np.ones(shape, order="F")
+        return np.zeros(rows)
+
+    keys = [context.plane_keys[member] for member in node.members]
+    return FactorResult([gtsam.CustomFactor(UNIT, keys, residual)])
+
+
+def shifted_factor(node: ConceptNode, context: FactorContext) -> FactorResult:
+    """Return Jacobians that are as wide as their variables together, but not each."""
+    return _of_two_planes(node, context, (2, 2), (2, 4))
+
+
+def tall_factor(node: ConceptNode, context: FactorContext) -> FactorResult:
+    return _of_two_planes(node, context, (3, 3), (2, 3))
+
+
+def unset_factor(node: ConceptNode, context: FactorContext) -> FactorResult:
+    return _of_two_planes(node, context, (2, 3), None)
+
+
+def long_factor(node: ConceptNode, context: FactorContext) -> FactorResult:
+    return _of_two_planes(node, context, (3, 3), (3, 3), rows=3)
+
+
+def forgetful_factor(node: ConceptNode, context: FactorContext) -> FactorResult:
+    """Drop a Jacobian."""
+
+    def residual(_factor: Any, _values: Any, jacobians: Any) -> FloatArray:
+        if jacobians is not None:
+            jacobians.pop()
+        return np.zeros(2)
+
+    keys = [context.plane_keys[member] for member in node.members]
+    return FactorResult([gtsam.CustomFactor(UNIT, keys, residual)])
+
+
+def noiseless_factor(node: ConceptNode, context: FactorContext) -> FactorResult:
+    return _custom(node, context, 3, 0.0, None)
+
+
+def mistyped_prior(node: ConceptNode, context: FactorContext) -> FactorResult:
+    """Take a plane for a point."""
+    plane = context.plane_keys[node.members[0]]
+    return FactorResult([gtsam.PriorFactorPoint2(plane, np.zeros(2), UNIT)])
+
+
+INDEFINITE = gtsam.noiseModel.Gaussian.Covariance(np.array([[1.0, 2.0], [2.0, 1.0]]))
+
+
+def indefinite_factor(
+    _node: ConceptNode, context: FactorContext, noise: Any = INDEFINITE
+) -> FactorResult:
     key = context.new_key(0)
-    noise = gtsam.noiseModel.Gaussian.Covariance(np.array([[1.0, 2.0], [2.0, 1.0]]))
     prior = gtsam.PriorFactorPoint2(key, np.zeros(2), noise)
     return FactorResult([prior], [(key, gtsam.Point2(0, 0))])
+
+
+def robust_indefinite_factor(node: ConceptNode, context: FactorContext) -> FactorResult:
+    huber = gtsam.noiseModel.mEstimator.Huber.Create(1.0)
+    return indefinite_factor(node, context, gtsam.noiseModel.Robust.Create(huber, INDEFINITE))
 
 
 def taken_key(node: ConceptNode, context: FactorContext) -> FactorResult:
