@@ -29,6 +29,7 @@ from sgraph_core.backend.ties import TieNoise, tie_planes
 from sgraph_core.concepts import installed
 from sgraph_core.graph import SGraph
 from sgraph_core.nodes import check_nodes
+from sgraph_core.tables import is_id
 
 __all__ = [
     "ConceptFactors",
@@ -288,7 +289,7 @@ def made_by(
     """Return what a concept's factor function makes of a node.
 
     Raises:
-        ConceptError: it fails, or returns something else.
+        ConceptError: it fails, or returns something else than factors and pairs of surfaces.
     """
     try:
         result = make(node, context)
@@ -296,4 +297,9 @@ def made_by(
         raise ConceptError(f"factor of {concept} {node.id} fails: {one_line(error)}") from error
     if not isinstance(result, FactorResult):
         raise ConceptError(f"factor of concept {concept!r} must return a FactorResult")
+    for k, pair in enumerate(result.same):
+        ids = isinstance(pair, tuple | list) and all(map(is_id, pair))
+        if not ids or len(pair) != 2 or pair[0] == pair[1]:
+            what = f"factor of {concept} {node.id}: same[{k}] = {pair!r}"
+            raise ConceptError(f"{what}: must be the ids of two surfaces")
     return result

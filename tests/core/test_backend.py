@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import gtsam
 import numpy as np
 import pytest
@@ -513,6 +515,14 @@ def test_a_native_factor_on_a_variable_of_another_type_is_named() -> None:
     message = "^factor of wall 0 cannot be linearised: .*OrientedPlane3.* requested type was"
     with pytest.raises(ConceptError, match=message):
         optimize(with_walls(drive(0)), {"wall": "zone:mistyped_prior"})
+
+
+@pytest.mark.parametrize("pair", [(1, 4, 7), (1,), (1, 1), (1, "4"), (1, 4.0), (1, -4), "14", 1])
+def test_pairs_that_are_none_are_named(monkeypatch: pytest.MonkeyPatch, pair: object) -> None:
+    monkeypatch.setattr(zone.Proposed, "same", [(1, 4), pair])
+    message = f"factor of wall 0: same[1] = {pair!r}: must be the ids of two surfaces"
+    with pytest.raises(ConceptError, match=rf"^{re.escape(message)}$"):
+        optimize(with_walls(drive(0)), {"wall": "zone:proposing_factor"})
 
 
 def test_a_variable_that_nothing_links_to_others_is_solved_too() -> None:

@@ -228,6 +228,16 @@ def mistyped_prior(node: ConceptNode, context: FactorContext) -> FactorResult:
     return FactorResult([gtsam.PriorFactorPoint2(plane, np.zeros(2), UNIT)])
 
 
+class Proposed:
+    """What its factor function takes for one."""
+
+    same: Any = ()
+
+
+def proposing_factor(_node: ConceptNode, _context: FactorContext) -> FactorResult:
+    return FactorResult(same=Proposed.same)
+
+
 INDEFINITE = gtsam.noiseModel.Gaussian.Covariance(np.array([[1.0, 2.0], [2.0, 1.0]]))
 
 
