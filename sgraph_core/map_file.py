@@ -5,12 +5,11 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import ValidationError
 
 from sgraph_concepts.errors import MapFileError
 from sgraph_concepts.spec import WALL_SURFACE
@@ -26,8 +25,9 @@ from sgraph_core.map_schema import (
     PinsRecord,
     TruthRecord,
 )
-from sgraph_core.nodes import check_nodes
+from sgraph_core.nodes import check_links, check_nodes, node_record
 from sgraph_core.pins import check_pins
+from sgraph_core.structure import REQUIRED, refuse_lone_surrogates, structured
 from sgraph_core.tables import LARGEST_ID, RowError, RuleError
 
 __all__ = ["dump", "load", "parse", "save", "schema"]
@@ -54,6 +54,7 @@ def save(graph: SGraph, path: str | Path) -> None:
     """Write a map file, whole or not at all.
 
     Raises:
+        InputError: a node breaks the map file's rules.
         OSError: the file cannot be written.
     """
     text = dump(graph)
@@ -77,16 +78,23 @@ def parse(data: bytes, path: str | Path = "map") -> SGraph:
     Raises:
         MapFileError: see :func:`load`.
     """
-    document = _parse_json(data, path)
     try:
-        record = MapRecord.model_validate(document)
-    except ValidationError as error:
-        raise _first_problem(error, document, path) from error
+        document = _parse_json(data, path)
+        return _read(structured(document), path)
+    except RuleError as error:
+        value = None if error.rule == REQUIRED else _value(error.value)
+        raise MapFileError(path, error.place, value, error.rule) from error
+
+
+def _read(record: MapRecord, path: str | Path) -> SGraph:
     graph = SGraph(record.name)
     _read_tables(graph, record, path)
     known = {int(i) for i in graph.wall_surfaces.ids}
     if record.concepts is not None:
-        graph.concepts = _read_concepts(record.concepts, known, path)
+        graph.concepts = {
+            concept: list(map(_node, group)) for concept, group in record.concepts.items()
+        }
+        check_links(graph.concepts, known)
     if record.pins is not None:
         graph.pins = _read_pins(record.pins, known, path)
     if record.truth is not None:
@@ -118,59 +126,8 @@ def _parse_json(data: bytes, path: str | Path) -> Any:
     except ValueError as error:  # an integer of more digits than Python converts
         raise MapFileError(path, "", None, f"is not JSON: {error}") from error
     if "\\u" in text:  # UTF-8 itself cannot write them
-        _refuse_lone_surrogates(document, path)
+        refuse_lone_surrogates(document)
     return document
-
-
-def _refuse_lone_surrogates(document: Any, path: str | Path) -> None:
-    """Refuse text that is half of a pair of surrogates: it can be neither written nor printed."""
-    parts: list[tuple[tuple[int | str, ...], Any]] = [((), document)]
-    while parts:
-        steps, part = parts.pop()
-        if isinstance(part, dict):
-            for key, value in part.items():
-                parts += [(steps, key), ((*steps, key), value)]
-        elif isinstance(part, list):
-            parts += [((*steps, k), value) for k, value in enumerate(part)]
-        elif isinstance(part, str) and any("\ud800" <= letter <= "\udfff" for letter in part):
-            raise MapFileError(path, _place(steps), _value(part), "must hold no lone surrogate")
-
-
-def _first_problem(error: ValidationError, document: Any, path: str | Path) -> MapFileError:
-    problem = error.errors(include_url=False)[0]
-    place = _place(_real_steps(problem["loc"], document))
-    rules = {
-        "extra_forbidden": "unknown key",
-        "missing": "is required",
-        "model_type": "must be an object",
-        "model_attributes_type": "must be an object",
-    }
-    kind, message, limits = problem["type"], problem["msg"], problem.get("ctx", {})
-    if kind in ("too_long", "too_short"):
-        bound = "at most" if kind == "too_long" else "at least"
-        rules[kind] = (
-            f"must have {bound} {limits.get('max_length', limits.get('min_length'))} items"
-        )
-    message = message.removeprefix("Value error, ").replace("Input should be", "must be")
-    rule = rules.get(kind, message)
-    return MapFileError(path, place, None if kind == "missing" else _value(problem["input"]), rule)
-
-
-def _place(steps: Iterable[int | str]) -> str:
-    return "".join(f"[{s}]" if isinstance(s, int) else f".{s}" for s in steps).removeprefix(".")
-
-
-def _real_steps(location: Sequence[int | str], document: Any) -> Iterator[int | str]:
-    """Drop the steps that pydantic adds for unions: they are not in the document."""
-    for k, step in enumerate(location):
-        last = k == len(location) - 1
-        if isinstance(document, dict) and (step in document or last):
-            document = document.get(str(step))
-        elif isinstance(document, list) and isinstance(step, int):
-            document = document[step] if step < len(document) else None
-        else:
-            continue
-        yield step
 
 
 def _value(value: Any) -> str:
@@ -221,17 +178,6 @@ def _read_tables(graph: SGraph, record: MapRecord, path: str | Path) -> None:
         raise MapFileError(path, place, _value(error.value), error.rule) from error
 
 
-def _read_concepts(
-    records: Mapping[str, list[ConceptRecord]], surfaces: set[int], path: str | Path
-) -> dict[str, list[ConceptNode]]:
-    concepts = {concept: list(map(_node, group)) for concept, group in records.items()}
-    try:
-        check_nodes(concepts, surfaces)
-    except RuleError as error:
-        raise MapFileError(path, error.place, _value(error.value), error.rule) from error
-    return concepts
-
-
 def _node(record: ConceptRecord) -> ConceptNode:
     shape = NodeShape(
         record.centre,
@@ -258,10 +204,7 @@ def _read_pins(record: PinsRecord, surfaces: set[int], path: str | Path) -> Pins
         tuple(record.not_same_room or ()),
         {int(key): name for key, name in (record.room_names or {}).items()},
     )
-    try:
-        check_pins(pins, surfaces)
-    except RuleError as error:
-        raise MapFileError(path, error.place, _value(error.value), error.rule) from error
+    check_pins(pins, surfaces)
     return pins
 
 
@@ -304,7 +247,12 @@ def _refuse_repeats(ids: Sequence[int], name: str, place: str, path: str | Path)
 
 
 def dump(graph: SGraph) -> str:
-    """Return the map file's text: one record a line, so that versions can be compared."""
+    """Return the map file's text: one record a line, so that versions can be compared.
+
+    Raises:
+        InputError: a node breaks the map file's rules.
+    """
+    check_nodes(graph.concepts, set(graph.wall_surfaces.ids.tolist()))
     lines = []
     for key, value in _document(graph).items():
         if isinstance(value, list) and value:
@@ -340,7 +288,7 @@ def _document(graph: SGraph) -> dict[str, Any]:
     document["wall_surfaces"] = list(_surface_records(graph))
     if graph.concepts:
         document["concepts"] = {
-            concept: [_node_record(node) for node in nodes]
+            concept: [node_record(node) for node in nodes]
             for concept, nodes in graph.concepts.items()
         }
     if graph.pins is not None:
@@ -408,24 +356,6 @@ def _surface_records(graph: SGraph) -> Iterator[dict[str, Any]]:
             **({} if np.isnan(height).any() else {"z": height}),
             **({"observations": observations[i]} if i in observations else {}),
         }
-
-
-def _node_record(node: ConceptNode) -> dict[str, Any]:
-    shape = node.shape
-    optional = {
-        "centre": None if shape.centre is None else list(shape.centre),
-        "polygon": None if shape.polygon is None else _points(shape.polygon),
-        "holes": [_points(hole) for hole in shape.holes] or None,
-        "thickness": shape.thickness,
-        "confidence": node.confidence,
-        "attributes": dict(shape.attributes) or None,
-    }
-    return {
-        "id": node.id,
-        **({} if node.name is None else {"name": node.name}),
-        "members": list(node.members),
-        **{key: value for key, value in optional.items() if value is not None},
-    }
 
 
 def _points(ring: Sequence[tuple[float, float]]) -> list[list[float]]:

@@ -6,20 +6,31 @@ from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
+from typing import Any
 
 import numpy as np
 
 from sgraph_concepts.spec import WALL_SURFACE
-from sgraph_concepts.types import ConceptNode
-from sgraph_core.tables import ID_RULE, LARGEST_ID, RuleError, is_id
+from sgraph_concepts.types import ConceptNode, NodeShape
+from sgraph_core.map_schema import FORMAT, UNITS, VERSION
+from sgraph_core.structure import StructureError, place_of, refuse_lone_surrogates, structured
+from sgraph_core.tables import ID_RULE, LARGEST_ID, RuleError
 
-__all__ = ["check_nodes", "keep_identity", "persisting"]
+__all__ = ["check_links", "check_nodes", "keep_identity", "node_record", "persisting"]
 
 PAIR_CONCEPTS = {"wall"}
 """Concepts whose nodes have exactly two members by the map file's definition."""
 SURFACE_CONCEPTS = {"room", "wall"}
 """Concepts whose members are wall surfaces by the map file's definition."""
 
+EMPTY_MAP = {"format": FORMAT, "version": VERSION, "units": UNITS, "wall_surfaces": []}
+RULES = {
+    "id": ID_RULE,
+    "centre": "must be finite, x and y within 1e8 m",
+    "thickness": "must be finite and not negative",
+    "confidence": "must be from 0 to 1",
+}
+"""What is asked of some fields of a node: errors name them as a whole."""
 SHARED = 0.5
 """An old node persists in a new one if they share this part of the smaller one's members."""
 
@@ -32,11 +43,23 @@ def check_nodes(concepts: Mapping[str, Sequence[ConceptNode]], surfaces: Collect
         surfaces: ids of the wall surfaces.
 
     Raises:
-        RuleError: a node breaks a rule.
+        RuleError: a node breaks a rule, so that a map file could not be read with it.
     """
+    records = {
+        concept: [_record(f"concepts.{concept}[{k}]", node) for k, node in enumerate(nodes)]
+        for concept, nodes in concepts.items()
+    }
+    try:
+        structured(EMPTY_MAP | {"concepts": records})
+        refuse_lone_surrogates({"concepts": records})
+    except StructureError as error:
+        raise _of_field(error, records) from error
+    check_links(concepts, surfaces)
+
+
+def check_links(concepts: Mapping[str, Sequence[ConceptNode]], surfaces: Collection[int]) -> None:
+    """Check ids and members of nodes, each of which alone keeps the rules; likewise."""
     for concept, nodes in concepts.items():
-        for k, node in enumerate(nodes):
-            _check_node(f"concepts.{concept}[{k}]", node)
         for value, count in Counter(node.id for node in nodes).items():
             if count > 1:
                 raise RuleError(f"concepts.{concept}: id", value, "must be unique")
@@ -55,21 +78,54 @@ def check_nodes(concepts: Mapping[str, Sequence[ConceptNode]], surfaces: Collect
                 raise RuleError(place, list(node.members), f"a {concept} has exactly two members")
 
 
-def _check_node(place: str, node: ConceptNode) -> None:
-    """Check what reading a map file's JSON makes sure of, and code that builds nodes may not."""
+def node_record(node: ConceptNode) -> dict[str, Any]:
+    """Return a node as the map file's JSON holds it."""
+    shape = node.shape
+    record = {
+        "id": _plain(node.id),
+        "name": node.name,
+        "members": _plain(node.members),
+        "centre": _plain(shape.centre),
+        "polygon": _plain(shape.polygon),
+        "holes": _plain(shape.holes) or None,
+        "thickness": _plain(shape.thickness),
+        "confidence": _plain(node.confidence),
+        "attributes": _plain(shape.attributes) or None,
+    }
+    optional = record.keys() - {"id", "members"}
+    return {key: value for key, value in record.items() if not (key in optional and value is None)}
+
+
+def _record(place: str, node: object) -> dict[str, Any]:
     if not isinstance(node, ConceptNode):
         raise RuleError(place, repr(node), "must be a ConceptNode")
-    if not is_id(node.id):
-        raise RuleError(f"{place}.id", node.id, ID_RULE)
-    if not node.members:
-        raise RuleError(f"{place}.members", list(node.members), "must have at least 1 item")
-    if node.confidence is not None and not 0 <= node.confidence <= 1:
-        raise RuleError(f"{place}.confidence", node.confidence, "must be from 0 to 1")
-    centre, thickness = node.shape.centre, node.shape.thickness
-    if centre is not None and not np.isfinite(centre).all():
-        raise RuleError(f"{place}.centre", list(centre), "must be finite")
-    if thickness is not None and not 0 <= thickness < np.inf:
-        raise RuleError(f"{place}.thickness", thickness, "must be finite and not negative")
+    if not isinstance(node.shape, NodeShape):
+        raise RuleError(f"{place}.shape", repr(node.shape), "must be a NodeShape")
+    try:
+        return node_record(node)
+    except RecursionError:
+        raise RuleError(f"{place}.attributes", "...", "is nested too deeply") from None
+
+
+def _of_field(error: StructureError, records: Mapping[str, list[dict[str, Any]]]) -> RuleError:
+    """Return an error that names a field as a whole, if there is a rule for it."""
+    match error.steps:
+        case ("concepts", str(concept), int(k), str(field), *_) if field in RULES:
+            return RuleError(place_of(error.steps[:4]), records[concept][k][field], RULES[field])
+    return error
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as a JSON reader would: numpy's numbers and collections as Python's."""
+    if type(value) in (int, float, str):  # most are, and to ask what else something is takes long
+        return value
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return {key: _plain(part) for key, part in value.items()}
+    if isinstance(value, Collection) and not isinstance(value, str | bytes):
+        return [_plain(part) for part in value]
+    return value
 
 
 def keep_identity(

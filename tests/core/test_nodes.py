@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
 
+import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from plans import block
 
-from sgraph_concepts.errors import InputError
+from sgraph_concepts.errors import InputError, MapFileError
 from sgraph_concepts.types import ConceptNode, NodeShape
+from sgraph_core import map_file
 from sgraph_core.backend import concept_factors, optimize
 from sgraph_core.detector import Detector
 from sgraph_core.graph import SGraph
-from sgraph_core.nodes import keep_identity
+from sgraph_core.nodes import keep_identity, node_record
 from sgraph_core.slam import ConceptTracker
 
 
@@ -78,7 +86,20 @@ def test_pinned_names_win_over_old_ones() -> None:
 
 # -- what is refused -----------------------------------------------------------------------------
 
-NAN = float("nan")
+NAN, INF = float("nan"), float("inf")
+RING = ((0, 0), (1, 1), (0, 1))
+ENDLESS: dict[str, Any] = {}
+ENDLESS["itself"] = ENDLESS
+
+
+def wrong(**fields: Any) -> ConceptNode:
+    return replace(ConceptNode(0, (1, 7)), **fields)
+
+
+def shaped(*fields: Any, **others: Any) -> ConceptNode:
+    return wrong(shape=NodeShape(*fields, **others))
+
+
 BAD: dict[str, list[ConceptNode]] = {
     r"\[0\] = 'wall': must be a ConceptNode": ["wall"],  # type: ignore[list-item]
     r"\[0\].id = -1: must be an integer from 0 to": [ConceptNode(-1, (1, 7))],
@@ -99,12 +120,38 @@ BAD: dict[str, list[ConceptNode]] = {
     r"\[0\].thickness = -0.1: must be finite and not": [
         ConceptNode(0, (1, 7), shape=NodeShape((1.0, 2.0), thickness=-0.1))
     ],
+    r"\[0\].members\[1\] = '7': must be a valid integer": [wrong(members=(1, "7"))],
+    r"\[0\].members\[1\] = 7.0: must be a valid integer": [wrong(members=(1, 7.0))],
+    r"\[0\].members\[0\] = True: must be a valid integer": [wrong(members=(True, 7))],
+    r"\[0\].members\[0\] = -1: must be greater than or equal to 0": [wrong(members=(-1, 7))],
+    r"\[0\].members = 7: must be a valid list": [wrong(members=7)],
+    r"\[0\].members = None: must be a valid list": [wrong(members=None)],
+    r"\[0\].id = None: must be an integer from 0 to": [wrong(id=None)],
+    r"\[0\].name = 5: must be a valid string": [wrong(name=5)],
+    r"\[0\].name = '\\ud800': must hold no lone surrogate": [wrong(name="\ud800")],
+    r"\[0\].confidence = sure: must be from 0 to 1": [wrong(confidence="sure")],
+    r"\[0\].shape = None: must be a NodeShape": [wrong(shape=None)],
+    r"\[0\].centre = \[1e\+300, 0.0\]: must be finite, x and y within 1e8": [shaped((1e300, 0.0))],
+    r"\[0\].centre = \[1.0\]: must be finite, x and y": [shaped((1.0,))],
+    r"\[0\].thickness = nan: must be finite and not negative": [shaped(thickness=NAN)],
+    r"\[0\].polygon = \[\[0, 0\], \[1, 1\]\]: must have at least 3": [shaped(None, RING[:2])],
+    r"\[0\].polygon\[3\]\[0\] = nan: must be a finite number": [shaped(None, (*RING, (NAN, 0)))],
+    r"\[0\].polygon\[3\]\[1\] = 1e\+300: must be less than or": [shaped(None, (*RING, (0, 1e300)))],
+    r"\[0\].holes\[1\] = \[\[0, 0\], \[1, 1\]\]: must have": [shaped(holes=(RING, RING[:2]))],
+    r"\[0\].attributes.a = {'b': \[0, inf\]}: must be a finite": [
+        shaped(attributes={"a": {"b": (0, INF)}})
+    ],
+    r"\[0\].attributes.a = <.*>: .* a valid JSON value": [shaped(attributes={"a": SGraph()})],
+    r"\[0\].attributes\[1\] = 1: must be a valid string": [shaped(attributes={1: 2})],
+    r"\[0\].attributes = 7: must be a valid dictionary": [shaped(attributes=7)],
+    r"\[0\].attributes = ...: is nested too deeply": [shaped(attributes=ENDLESS)],
 }
 CALLS: list[Callable[[SGraph, Detector], object]] = [
     lambda graph, detector: detector.infer(graph),
     ConceptTracker,
     lambda graph, _: concept_factors(graph),
     lambda graph, _: optimize(graph),
+    lambda graph, _: map_file.dump(graph),
 ]
 
 
@@ -118,6 +165,93 @@ def test_nodes_that_break_a_rule_are_named(
     with pytest.raises(InputError, match=r"^concepts\.wall" + message):
         call(graph, detector)
     assert graph.concepts["wall"] is BAD[message]
+
+
+def test_the_name_of_a_concept_is_text() -> None:
+    graph = block(0.15)
+    for name, message in ((" ", None), ("", "at least 1 character"), (1, "must be a valid string")):
+        graph.concepts = {name: [ConceptNode(0, (1, 7))]}  # type: ignore[dict-item]
+        if message is None:
+            assert map_file.parse(map_file.dump(graph).encode()).concepts == graph.concepts
+        else:
+            with pytest.raises(InputError, match=rf"^concepts.* = .*{message}"):
+                map_file.dump(graph)
+
+
+def test_numbers_and_arrays_of_numpy_are_saved_as_numbers() -> None:
+    graph = block(0.15)
+    ring = np.array(RING, np.float32)
+    numpy = wrong(
+        id=np.int64(3),
+        members=(np.int64(1), np.int64(7)),
+        shape=NodeShape(
+            ring[0], ring, np.array([ring]), np.float32(0.5), {"area_m2": np.arange(2)}
+        ),
+    )
+    plain = ConceptNode(
+        3, (1, 7), None, NodeShape(RING[0], RING, (RING,), 0.5, {"area_m2": [0, 1]})
+    )
+    graph.concepts["wall"] = [numpy]
+    assert map_file.parse(map_file.dump(graph).encode()).concepts["wall"] == [plain]
+
+
+junk = st.sampled_from([NAN, INF, -1, 1e300, "1", True, (), (1.0,), RING, 2**53, 1.5, "\ud800", {}])
+number = st.floats(0, 1) | st.integers(0, 10**6)
+point = st.tuples(number, number)
+ring = st.lists(point | st.just((1.0, 2.0)), min_size=3, max_size=5).map(tuple)
+json_values = st.recursive(
+    st.none() | st.booleans() | number | st.text(max_size=2) | junk,
+    lambda parts: (
+        st.lists(parts, max_size=2) | st.dictionaries(st.text(max_size=2), parts, max_size=2)
+    ),
+    max_leaves=4,
+)
+
+
+def nearly(good: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
+    """Draw what is good, nothing, and now and then what is not."""
+    return st.sampled_from(range(12)).flatmap(lambda k: {0: junk, 1: st.none()}.get(k, good))
+
+
+shapes = st.builds(
+    NodeShape,
+    nearly(point),
+    nearly(st.lists(nearly(point), min_size=3, max_size=5).map(tuple) | ring),
+    nearly(st.lists(nearly(ring), max_size=2).map(tuple)),
+    nearly(number),
+    nearly(st.dictionaries(st.text(max_size=2), json_values, max_size=2)),
+)
+members = st.lists(nearly(st.sampled_from([1, 7, 9])), min_size=1, max_size=3).map(tuple)
+
+
+@given(
+    st.builds(
+        ConceptNode,
+        nearly(st.integers(0, 2**53 - 1)),
+        nearly(members),
+        nearly(st.text()),
+        shapes,
+        nearly(st.floats(0, 1)),
+    )
+)
+@settings(deadline=None, max_examples=500)
+def test_what_is_saved_can_be_read_and_what_is_refused_could_not(node: ConceptNode) -> None:
+    graph = block(0.15)
+    document = json.loads(map_file.dump(graph))
+    graph.concepts["zone"] = [node]
+    written = json.dumps(document | {"concepts": {"zone": [node_record(node)]}}).encode()
+    refused, text = "", ""
+    try:
+        text = map_file.dump(graph)
+    except InputError as error:
+        refused = str(error)
+    if not refused:
+        map_file.parse(text.encode())
+        map_file.parse(written)
+        return
+    assert re.fullmatch(r"concepts\.zone\[0\]\.\w+.* = .+: .+", refused)
+    with pytest.raises(MapFileError):
+        map_file.parse(written)
 
 
 def test_nodes_of_other_concepts_may_group_nodes() -> None:
