@@ -72,8 +72,9 @@ def refuse_lone_surrogates(document: Any) -> None:
         if isinstance(part, dict):
             for key, value in part.items():
                 parts += [(steps, key), ((*steps, key), value)]
-        elif isinstance(part, list):
-            parts += [((*steps, k), value) for k, value in enumerate(part)]
+        elif isinstance(part, list):  # of numbers, most of them
+            holds_text = (dict, list, str)
+            parts += [((*steps, k), v) for k, v in enumerate(part) if isinstance(v, holds_text)]
         elif isinstance(part, str) and any("\ud800" <= letter <= "\udfff" for letter in part):
             raise StructureError(steps, part, "must hold no lone surrogate")
 

@@ -37,6 +37,7 @@ __all__ = [
     "concept_factors",
     "factor_context",
     "factor_functions",
+    "factors_of_nodes",
     "made_by",
     "propose",
     "ties",
@@ -121,7 +122,25 @@ def concept_factors(
         OptimizationError: pairs to tie cannot be found, as ``associate`` raises it.
     """
     check_nodes(graph.concepts, set(graph.wall_surfaces.ids.tolist()))
-    keys, registry = keys or Keys(), registry if registry is not None else installed()
+    keys = keys or Keys()
+    made = factors_of_nodes(graph, keys, factor_types, registry, origin)
+    if same is None:
+        same = associate(graph, made.proposals).same
+    return with_ties(made, same, graph, keys)
+
+
+def factors_of_nodes(
+    graph: SGraph,
+    keys: Keys,
+    factor_types: Mapping[str, str] | None,
+    registry: Registry | None,
+    origin: FloatArray | None,
+) -> ConceptFactors:
+    """Return the factors of all nodes of an S-Graph, which keep the map file's rules, without ties.
+
+    See :func:`concept_factors`.
+    """
+    registry = registry if registry is not None else installed()
     collected = _Collected(gtsam.NonlinearFactorGraph(), gtsam.Values(), [], [])
     surfaces = np.unique(graph.observations.surface_ids).tolist()
     of_surface = world_planes(graph)
@@ -130,9 +149,6 @@ def concept_factors(
         check_factors(f"factor of {name} {node.id}", result, planes, collected.values)
         collected.add(name, node.id, (), result)
         collected.proposals.append(Proposal(name, node.id, result.same))
-    if same is None:
-        same = associate(graph, collected.proposals).same
-    collected.tie(same, graph, keys)
     return collected.done()
 
 

@@ -15,7 +15,7 @@ from sgraph_core.backend.association import Association, associate
 from sgraph_core.backend.back_projection import moved, shifted
 from sgraph_core.backend.concept_factors import (
     ConceptFactors,
-    concept_factors,
+    factors_of_nodes,
     propose,
     with_ties,
 )
@@ -123,11 +123,10 @@ def _optimize(
 ) -> Optimization:
     keys = Keys()
     make = partial(
-        concept_factors,
+        factors_of_nodes,
         keys=keys,
         factor_types=factor_types,
         registry=registry,
-        same=(),
         origin=origin[:2],
     )
     low = low_layers(graph, keys)
