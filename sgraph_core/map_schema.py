@@ -75,7 +75,7 @@ class OdometryRecord(Record):
     pose: Pose = Field(description="from_T_to: x, y, z [m], qx, qy, qz, qw (unit quaternion).")
     sigmas: tuple[Positive, Positive, Positive, Positive, Positive, Positive] = Field(
         description="Standard deviations rx, ry, rz [rad], x, y, z [m] in the tangent space, each "
-        "from 1e-6 to 1e6."
+        "from 1e-8 to 1e6."
     )
 
 
@@ -89,7 +89,7 @@ class ObservationRecord(Record):
     )
     sigmas: tuple[Positive, Positive] = Field(
         description="Standard deviations of the normal's angle [rad] and of the plane's distance "
-        "from the point 'at' [m], each from 1e-6 to 1e6."
+        "from the point 'at' [m], each from 1e-8 to 1e6."
     )
     at: tuple[Coordinate, Coordinate, Coordinate] = Field(
         default=(0.0, 0.0, 0.0),

@@ -37,8 +37,8 @@ LARGEST_ID = 2**53 - 1
 ID_RULE = f"must be an integer from 0 to {LARGEST_ID}"
 LARGEST_COORDINATE_M = 1e8
 """Positions beyond this are no map's: UTM needs 1e7, and float64 resolves 15 nm here."""
-LEAST_SIGMA, GREATEST_SIGMA = 1e-6, 1e6
-"""Standard deviations, rad or m: beyond these no sensor knows, and sums of information overflow."""
+LEAST_SIGMA, GREATEST_SIGMA = 1e-8, 1e6
+"""Standard deviations, rad or m: below the first float64 no longer solves what they ask for."""
 NORM_TOLERANCE = 1e-3
 """How far the norm of a normal or quaternion may be from 1."""
 PERPENDICULAR_TOLERANCE_RAD = np.radians(5.0)
@@ -266,4 +266,4 @@ class Check:
     def sigmas(self, sigmas: FloatArray) -> None:
         """Standard deviations are positive, and such as an instrument or a guess may have."""
         good = (sigmas >= LEAST_SIGMA) & (sigmas <= GREATEST_SIGMA)
-        self.that(good.all(axis=1), "sigmas", sigmas, "must be from 1e-6 to 1e6")
+        self.that(good.all(axis=1), "sigmas", sigmas, "must be from 1e-8 to 1e6")

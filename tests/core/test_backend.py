@@ -569,13 +569,13 @@ def test_a_factor_that_fails_at_any_moment_is_named_and_the_graph_unchanged(part
 
 
 def test_a_start_far_from_the_solution_is_left() -> None:
-    """Motions that are believed to 1e-6 say that the second half of the drive is 100 m away."""
+    """Motions that are believed to 1e-7 say that the second half of the drive is 100 m away."""
     drifted = drive(0).graph
     graph, table = SGraph("far"), drifted.odometry
     motions = table.poses.copy()
     motions[5, :2] = 100, 0
     graph.extend_keyframes(drifted.keyframes.ids, drifted.keyframes.poses, drifted.keyframes.stamps)
-    graph.extend_odometry(table.from_ids, table.to_ids, motions, np.full_like(table.sigmas, 1e-6))
+    graph.extend_odometry(table.from_ids, table.to_ids, motions, np.full_like(table.sigmas, 1e-7))
     surface = drifted.wall_surface(0)
     graph.add_wall_surface(0, surface.segment, surface.normal)
     first = drifted.observations.surface_ids.tolist().index(0)

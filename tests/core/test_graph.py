@@ -73,16 +73,16 @@ def test_values_of_the_wrong_shape_or_kind_are_named(graph: SGraph) -> None:
         graph.observe(10, 0, [0, 1, 0, 1], [0.01, 0.02], [np.nan, 0, 0])
 
 
-@pytest.mark.parametrize("sigma", [0.0, -1.0, 1e-160, 9e-7, 1.1e6, np.inf, np.nan])
+@pytest.mark.parametrize("sigma", [0.0, -1.0, 1e-160, 9e-9, 1.1e6, np.inf, np.nan])
 def test_sigmas_that_no_sensor_has_are_refused(graph: SGraph, sigma: float) -> None:
-    rule = r"must be from 1e-6 to 1e6$"
+    rule = r"must be from 1e-8 to 1e6$"
     with pytest.raises(InputError, match=rf"^odometry\[0\].sigmas = \[0.1, .*{rule}"):
         graph.add_odometry(0, 1, [1, 0, 0, 0, 0, 0, 1], [0.1] * 5 + [sigma])
     with pytest.raises(InputError, match=rf"^observations\[0\].sigmas = \[.*, 0.1\]: {rule}"):
         graph.observe(10, 0, [0, 1, 0, 1], [sigma, 0.1])
 
 
-@pytest.mark.parametrize("sigma", [1e-6, 1e6])
+@pytest.mark.parametrize("sigma", [1e-8, 1e6])
 def test_a_map_with_the_extreme_sigmas_can_be_solved(graph: SGraph, sigma: float) -> None:
     graph.add_odometry(0, 1, [1, 0, 0, 0, 0, 0, 1], [sigma] * 6)
     graph.observe(20, 1, [-1, 0, 0, 3], [sigma, 0.1])

@@ -200,11 +200,11 @@ MUTATIONS: list[tuple[Callable[[dict[str, Any]], None], str]] = [
     (_set("wall_surfaces/0/observations/0/sigmas", [0, 1]), "must be greater than 0"),
     (
         _set("wall_surfaces/0/observations/1/sigmas", [1e-160, 0.1]),
-        "wall_surfaces[0].observations[1].sigmas = [1e-160, 0.1]: must be from 1e-6 to 1e6",
+        "wall_surfaces[0].observations[1].sigmas = [1e-160, 0.1]: must be from 1e-8 to 1e6",
     ),
     (
         _set("odometry/0/sigmas/5", 1e7),
-        "odometry[0].sigmas = [0.01, 0.01, 0.02, 0.05, 0.05, 10000000.0]: must be from 1e-6 to 1e6",
+        "odometry[0].sigmas = [0.01, 0.01, 0.02, 0.05, 0.05, 10000000.0]: must be from 1e-8 to 1e6",
     ),
     (_set("wall_surfaces/0/observations/1/at", [0, 1]), "observations[1].at"),
     (_set("keyframes/1/id", 3), "keyframes[1].id = 3: must be unique"),
