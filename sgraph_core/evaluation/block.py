@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,22 +47,16 @@ def time_optimization(sizes: Sequence[int], repeats: int, seed: int) -> Iterator
     for rooms in sizes:
         graph = block_of_rooms(rooms, np.random.default_rng(seed))
         plain = dict.fromkeys(graph.concepts, "none")
-        seconds = {}
-        iterations = {}
-        for name, factor_types in (("planes", plain), ("concepts", None)):
-            runs = []
-            for _ in range(repeats):
-                start = time.perf_counter()
-                solved = optimize(graph, factor_types)
-                runs.append(time.perf_counter() - start)
-            seconds[name], iterations[name] = min(runs), solved.iterations
-        yield SolveTimes(
-            rooms,
-            seconds["planes"],
-            seconds["concepts"],
-            iterations["planes"],
-            iterations["concepts"],
-        )
+        runs = [(_timed(graph, plain), _timed(graph, None)) for _ in range(repeats)]
+        planes, concepts = (min(each) for each in zip(*runs, strict=True))
+        yield SolveTimes(rooms, planes[0], concepts[0], planes[1], concepts[1])
+
+
+def _timed(graph: SGraph, factor_types: Mapping[str, str] | None) -> tuple[float, int]:
+    """Return seconds and iterations of one optimisation."""
+    start = time.perf_counter()
+    solved = optimize(graph, factor_types)
+    return time.perf_counter() - start, solved.iterations
 
 
 def block_of_rooms(count: int, rng: Generator) -> SGraph:

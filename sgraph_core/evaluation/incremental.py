@@ -134,53 +134,94 @@ class UpdateTimes:
     work: Work
 
 
-def time_updates(detector: Detector, rooms: Sequence[int], seed: int) -> Iterator[UpdateTimes]:
-    """Time updates at the end of drives through grids of rooms, one size after the other.
+def time_updates(
+    detector: Detector, rooms: Sequence[int], seed: int, repeats: int
+) -> Iterator[list[UpdateTimes]]:
+    """Time updates at the end of drives through grids of rooms.
+
+    Updates of all sizes take turns, so that a machine whose speed drifts is as fast for each.
 
     Args:
         detector: infers the concepts.
         rooms: sizes of the grids.
-        seed: of their doors and unevenness.
+        seed: of the first grids' doors and unevenness; those of each repeat get the next one.
+        repeats: how many drives there are of each size.
+
+    Yields:
+        The times of each size, of all repeats so far.
     """
-    for count in rooms:
-        visits = drive_through(count, seed=seed)
-        first = len(visits) - 2 * min(TIMED_ROOMS, count - 1)
-        drive = _Drive(SGraph(), ConceptTracker(detector=detector), Smoother(Keys()))
-        for k, visit in enumerate(visits[:first]):
-            drive.enter(visit, visits[k - 1] if k else None)
-        drive.step()
-        steps = []
-        for before, visit in pairwise(visits[first - 1 :]):
-            drive.enter(visit, before)
-            steps.append(drive.step())
-        start = time.perf_counter()
-        detector.infer(drive.graph)
-        whole = time.perf_counter() - start
-        inference, optimisation, work = zip(*steps, strict=True)
-        mean = np.mean([astuple(some) for some in work], axis=0)
-        yield UpdateTimes(
-            count,
-            statistics.median(inference),
-            statistics.median(optimisation),
-            whole,
-            Work(*np.rint(mean).astype(int).tolist()),
-        )
+    measured: list[list[_Measured]] = [[] for _ in rooms]
+    whole: list[list[float]] = [[] for _ in rooms]
+    for repeat in range(repeats):
+        drives = [_Drive.near_the_end(detector, count, seed + repeat) for count in rooms]
+        for _ in range(2 * TIMED_ROOMS):
+            for drive, steps in zip(drives, measured, strict=True):
+                steps.extend(drive.next_step())
+        for drive, seconds in zip(drives, whole, strict=True):
+            start = time.perf_counter()
+            detector.infer(drive.graph)
+            seconds.append(time.perf_counter() - start)
+        yield [_summed_up(*each) for each in zip(rooms, measured, whole, strict=True)]
+
+
+_Measured = tuple[float, float, Work]
+"""Seconds of an update, seconds of ISAM2's, and the work."""
+
+
+def _summed_up(count: int, steps: Sequence[_Measured], whole: Sequence[float]) -> UpdateTimes:
+    inference, optimisation, work = zip(*steps, strict=True)
+    mean = np.mean([astuple(some) for some in work], axis=0)
+    return UpdateTimes(
+        count,
+        statistics.median(inference),
+        statistics.median(optimisation),
+        statistics.median(whole),
+        Work(*np.rint(mean).astype(int).tolist()),
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class _Drive:
-    """A map, the tracker of its concepts, and the ISAM2 that takes the factors of both."""
+    """A map, the tracker of its concepts, and the ISAM2 that takes the factors of both.
+
+    Attributes:
+        graph: the map.
+        tracker: of its concepts.
+        smoother: ISAM2.
+        ahead: the keyframes to come, each with the one before.
+    """
 
     graph: SGraph
     tracker: ConceptTracker
     smoother: Smoother
+    ahead: Iterator[tuple[Visit, Visit]]
 
-    def enter(self, visit: Visit, before: Visit | None) -> None:
+    @classmethod
+    def near_the_end(cls, detector: Detector, count: int, seed: int) -> _Drive:
+        """Return a drive through a grid of rooms that is still to see the last few."""
+        visits = drive_through(count, seed=seed)
+        first = len(visits) - 2 * min(TIMED_ROOMS, count - 1)
+        ahead = pairwise(visits[first - 1 :])
+        drive = cls(SGraph(), ConceptTracker(detector=detector), Smoother(Keys()), ahead)
+        for k, visit in enumerate(visits[:first]):
+            drive._enter(visit, visits[k - 1] if k else None)
+        drive._update()
+        return drive
+
+    def next_step(self) -> list[_Measured]:
+        """Go to the next keyframe and update; return what that took, nothing at the end."""
+        step = next(self.ahead, None)
+        if step is None:
+            return []
+        before, visit = step
+        self._enter(visit, before)
+        return [self._update()]
+
+    def _enter(self, visit: Visit, before: Visit | None) -> None:
         for target in (self.graph, self.tracker):
             visit.enter(target, before)
 
-    def step(self) -> tuple[float, float, Work]:
-        """Update; return the seconds that the tracker and that ISAM2 takes, and the work."""
+    def _update(self) -> _Measured:
         start = time.perf_counter()
         update = self.tracker.update()
         inferred = time.perf_counter()

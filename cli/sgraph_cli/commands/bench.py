@@ -63,7 +63,8 @@ def updates(
         list[int] | None,
         typer.Option(min=2, help="Rooms of a map; 20, 100 and 1000 if not given."),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of the maps.")] = 0,
+    repeats: Annotated[int, typer.Option(min=1, help="Drives through each; medians count.")] = 3,
+    seed: Annotated[int, typer.Option(min=0, help="Of the first drives' maps.")] = 0,
 ) -> None:
     """Time updates keyframe by keyframe at the end of drives through grids of rooms."""
     from dataclasses import astuple
@@ -74,11 +75,10 @@ def updates(
     detector = Detector()
     warn_about_plugins(list(detector.registry.problems))
     sizes = rooms or list(ROOMS)
-    times = []
     with progress() as report:
-        for done, update_times in enumerate(time_updates(detector, sizes, seed), start=1):
-            times.append(update_times)
-            report("timing", done, len(sizes))
+        for done, so_far in enumerate(time_updates(detector, sizes, seed, repeats), start=1):
+            times = so_far
+            report("timing", done, repeats)
     columns = (
         "rooms", "update [ms]", "ISAM2 [ms]", "whole inference instead [ms]",
         "surfaces preprocessed", "pairs looked at", "rows of the network", "rows clustered",
