@@ -20,6 +20,7 @@ __all__ = [
     "lines_of",
     "meeting_box",
     "nearest",
+    "origin_near",
     "points_of",
     "rectangle_sides",
     "turn_left",
@@ -80,6 +81,16 @@ def meeting_box(segments: FloatArray, others: FloatArray, margin: float = 0.0) -
     one, two = segments[:, 0], segments[:, 1]
     meets = (np.minimum(one, two) <= high) & (np.maximum(one, two) >= low)
     return np.asarray(meets.all(axis=1))
+
+
+def origin_near(points: FloatArray) -> FloatArray:
+    """Return the middle of points [N, D] in whole hundreds of metres, [D]; 0 if there are none.
+
+    Planes far from the origin are ill conditioned. What lies near the world's keeps that one.
+    """
+    if not len(points):
+        return np.zeros(points.shape[1])
+    return np.asarray(100.0 * np.round(points.mean(axis=0) / 100.0))
 
 
 def rectangle_sides(shapes: Geometries) -> FloatArray:

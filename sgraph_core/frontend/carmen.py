@@ -31,6 +31,7 @@ from sgraph_core.frontend.odometry import DRIFT, Drift, drifting_odometry
 from sgraph_core.frontend.planar import as_rows, between
 from sgraph_core.frontend.recording import Recording
 from sgraph_core.frontend.surfaces import EXTRACTION, Extraction, Scan, extract_surfaces
+from sgraph_core.geometry import origin_near
 from sgraph_core.tables import LARGEST_COORDINATE_M
 
 __all__ = ["CarmenLog", "read_carmen", "record"]
@@ -46,8 +47,6 @@ LONGEST_LINE = 1_000_000
 GZIP = b"\x1f\x8b"
 """What compressed logs begin with."""
 LARGEST_NUMBER = 1e12
-ABOUT_M = 100.0
-"""Poses are shifted by a multiple of this, since planes far from the origin are ill conditioned."""
 FEWEST_KEYFRAMES = 2
 
 
@@ -116,7 +115,7 @@ def record(
     if len(rows) < FEWEST_KEYFRAMES:
         raise InputError(f"{log.name}: the robot does not move {KEYFRAME_M:g} m or 20 degrees")
     poses, stamps = log.poses[rows], log.stamps[rows]
-    poses[:, :2] -= ABOUT_M * np.round(poses[0, :2] / ABOUT_M)
+    poses[:, :2] -= origin_near(poses[:1, :2])
     odometry, sigmas = drifting_odometry(poses, drift, np.random.default_rng(seed))
     scans = tuple(log.scans[row] for row in rows)
     return Recording(
