@@ -45,7 +45,7 @@ def moved(graph: SGraph, low: LowLayers, values: gtsam.Values, keys: Keys) -> SG
 def shifted(graph: SGraph, by: FloatArray) -> SGraph:
     """Return an S-Graph whose keyframes, surfaces and nodes are moved by a vector, [3].
 
-    Its grid and its truth stay where they are.
+    Its grid, its truth and the heights of its surfaces stay where they are.
     """
     if not by.any():
         return graph

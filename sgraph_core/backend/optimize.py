@@ -28,13 +28,12 @@ from sgraph_core.backend.robust import (
     solve,
     solve_robustly,
 )
+from sgraph_core.geometry import origin_near
 from sgraph_core.graph import SGraph
 from sgraph_core.nodes import check_nodes
 
 __all__ = ["Optimization", "optimize"]
 
-ABOUT_M = 100.0
-"""The origin of the solved graph is a multiple of this: maps near the world's stay as they are."""
 MOST_ROUNDS = 4
 ANEW_M = 0.3
 """Factors are made of how nodes were mapped: a map that has moved by more needs them anew."""
@@ -109,8 +108,7 @@ def optimize(
         ConceptError: a factor type is unknown, or a plugin's factors are not fit for a graph.
     """
     check_nodes(graph.concepts, set(graph.wall_surfaces.ids.tolist()))
-    positions = graph.keyframes.poses[:, :3]
-    origin = ABOUT_M * np.round(positions.mean(axis=0) / ABOUT_M) if len(positions) else np.zeros(3)
+    origin = origin_near(graph.keyframes.poses[:, :3])
     solved = _optimize(shifted(graph, -origin), origin, factor_types, registry)
     return replace(solved, graph=shifted(solved.graph, origin))
 
@@ -157,7 +155,8 @@ def _optimize(
             break
         if _is_far(made_of, current):
             made = make(current)
-            anew = made if made.groups else None
+            had_some = any(not group.surfaces for group in concepts.groups)
+            anew = made if made.groups or had_some else None
             proposals, made_of = made.proposals, current
         else:
             anew, proposals = None, propose(current, factor_types, registry, origin[:2])

@@ -246,13 +246,13 @@ def test_optimising_brings_the_copies_together() -> None:
         assert abs(float(middle @ one.normal)) < 0.05
 
 
-def thick_wall(drift: tuple[float, float, float]) -> SGraph:
+def thick_wall(drift: tuple[float, float, float], thickness: float = 0.2) -> SGraph:
     """Return a room, its neighbour, the room again after drift, and the wall between both visits.
 
-    How room and neighbour lie to one another is known; the wall is 20 cm thick, but mapped with
-    what the drift leaves free.
+    How room and neighbour lie to one another is known; so thick a wall is mapped with what the
+    drift leaves free.
     """
-    neighbour = rectangle(5.2, 0, 4, 4)
+    neighbour = rectangle(5 + thickness, 0, 4, 4)
     graph = visit_rooms([(ROOM, (0, 0, 0)), (neighbour, (0, 0, 0)), (ROOM, drift)])
     way = graph.keyframe(KEYFRAMES).pose[:2] - graph.keyframe(0).pose[:2]
     graph.add_odometry(0, KEYFRAMES, [*way, 0, 0, 0, 0, 1], [1e-3] * 6)
@@ -278,6 +278,12 @@ def test_a_wall_that_drift_made_thick_is_made_anew_once_the_loop_is_closed(
     assert not solved.refusals
     assert solved.factors > optimize(graph, {"wall": "none"}).factors
     assert solved.graph.node("wall", 0).shape.thickness == pytest.approx(0.2, abs=0.03)
+
+
+def test_a_wall_that_turns_out_to_be_none_leaves_no_factors() -> None:
+    """Drift brought its sides within 0.7 m; once the loop is closed they are 1.3 m apart."""
+    graph = thick_wall((0.6, 0, 0), thickness=1.3)
+    assert optimize(graph).factors == optimize(graph, {"wall": "none"}).factors
 
 
 @pytest.mark.usefixtures("mapped_in_one_go")
