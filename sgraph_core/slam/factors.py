@@ -14,6 +14,7 @@ from sgraph_concepts.types import (
     FloatArray,
     Memory,
 )
+from sgraph_core.backend.association import Proposal
 from sgraph_core.backend.checks import check_factors
 from sgraph_core.backend.concept_factors import factor_context, factor_functions, made_by
 from sgraph_core.backend.keys import Keys
@@ -74,6 +75,23 @@ class FactorMakers:
         result = made_by(self._makers[concept], concept, node, context)
         check_factors(f"factor of {concept} {node.id}", result, _planes(context), gtsam.Values())
         return result
+
+    def proposed(
+        self,
+        concept: str,
+        node: ConceptNode,
+        nodes: Sequence[ConceptNode],
+        observed: Observed,
+        memory: Memory,
+    ) -> Proposal:
+        """Return the pairs of surfaces that a node takes for one.
+
+        Args are those of :meth:`make`. Raises ConceptError if the factor function fails.
+        """
+        context = factor_context(concept, node, nodes, self._keys, observed, memory)
+        return Proposal(
+            concept, node.id, made_by(self._makers[concept], concept, node, context).same
+        )
 
 
 def _planes(context: FactorContext) -> dict[int, FloatArray]:

@@ -115,7 +115,8 @@ class ConceptTracker:
         self._observed = ObservedSurfaces()
         mapped = observed_in(self._graph)
         self._observed.add(mapped.surfaces, mapped.first_seen)
-        self._newly_observed: set[int] = set()
+        self._seen_otherwise: set[int] = set()
+        """Surfaces that are observed for the first time, or by an earlier keyframe than known."""
         self._unmade = True
         self._ties: dict[Owner, Same] = {}
         self._owns = False
@@ -155,7 +156,11 @@ class ConceptTracker:
     def pins(self) -> Pins:
         """A copy of what is pinned; pairs that wait for a surface to be mapped are included."""
         with self._lock:
-            return deepcopy(self._graph.pins or Pins())
+            return deepcopy(self._pins)
+
+    @property
+    def _pins(self) -> Pins:
+        return self._graph.pins or Pins()
 
     def pin(self, pins: Pins) -> None:
         """Let pins hold from the next update on, instead of those before.
@@ -229,9 +234,9 @@ class ConceptTracker:
             keyframe = self._graph.keyframe_row(keyframe_id)
             if surface_id not in self._observed:
                 self._observed.add(self._ordered([surface_id]), np.array([keyframe]))
-                self._newly_observed.add(surface_id)
+                self._seen_otherwise.add(surface_id)
             elif self._observed.see(surface_id, keyframe):
-                self._newly_observed.add(surface_id)
+                self._seen_otherwise.add(surface_id)
 
     def move(
         self,
@@ -318,14 +323,15 @@ class ConceptTracker:
 
         Raises:
             InputError: the factors of the last update have not been placed.
-            ConceptError: a plugin proposes something else than pairs of observed surfaces.
-            OptimizationError: sigmas differ by too much to tell how far the drive has drifted; or
-                as :meth:`optimize` raises it, on a graph of the tracker's own.
+            ConceptError: a factor function fails, or proposes something else than pairs of observed
+                surfaces.
+            OptimizationError: sigmas differ by too much to tell how far the drive has drifted.
+            SGraphError: as :meth:`optimize` raises them, on a graph of the tracker's own.
         """
         with self._lock:
             self._ledger.require_placed()
-            if self._owns and self._smoother is None:
-                self.optimize()  # builds anew what the last one left unsolved
+            # what the last solution left unsolved is built anew
+            rebuilt = self.optimize() if self._owns and self._smoother is None else None
             if self._smoother is not None:
                 self._smoother.check(self._graph)
             tied, made = tied_anew(
@@ -340,9 +346,13 @@ class ConceptTracker:
                 for subject, refusal in self._off.items()
                 if len(subject) == 2 or subject in tied
             }
-            update = update_of(handout, {}, [], Work())
+            if rebuilt is None:
+                update = update_of(handout, {}, [], Work())
+            else:
+                update = update_of(handout, rebuilt.nodes, rebuilt.refusals, rebuilt.work)
             if self._smoother is not None:
-                update = replace(update, refusals=self._take(self._smoother, update))
+                refusals = self._take(self._smoother, update)
+                update = replace(update, refusals=[*update.refusals, *refusals])
             return update
 
     def optimize(self) -> Update:
@@ -410,7 +420,7 @@ class ConceptTracker:
             surfaces = self._with_mapped(surfaces)
         live = self._live or self._begin(surfaces)
         self._live = None  # kept only if all goes well
-        pins = between_mapped(self.pins, self._graph.wall_surfaces.ids.tolist())
+        pins = between_mapped(self._pins, self._graph.wall_surfaces.ids.tolist())
         concerned, work = live.update(surfaces, PairPins(pins))
         changes = self._changes(live, concerned, anew)
         found = self._misfits.verdict.found
@@ -427,7 +437,7 @@ class ConceptTracker:
         self._ledger.commit(handout)
         looked_at = zip(surfaces.segments, surfaces.normals, strict=True)
         self._mapped |= zip(surfaces.ids.tolist(), looked_at, strict=True)
-        self._pending, self._newly_observed, self._unmade = set(), set(), False
+        self._pending, self._seen_otherwise, self._unmade = set(), set(), False
         self._off = off
         stay = [owner for owner in found if owner not in gone]
         refusals = [found[owner] for owner in stay if self._subject(owner) == refused[owner]]
@@ -455,7 +465,7 @@ class ConceptTracker:
             nodes, change = self._nodes[name], NodeChanges()
             if groups == WALL_SURFACE:
                 members = concerned[name] | (nodes.members if anew else set())
-                names = self.pins.room_names if name == PINNED_CONCEPT else {}
+                names = self._pins.room_names if name == PINNED_CONCEPT else {}
                 change, there = nodes.compare({m: live.confidence(name, m) for m in members}, names)
                 gone = [node.id for node in change.removed]
                 change = nodes.shaped(change, live.shapes(name, gone, there))
@@ -479,7 +489,7 @@ class ConceptTracker:
         for name in self._makers.concepts:
             change, nodes = changes[name], self._nodes[name]
             after = nodes.after(change)
-            concerned = [node for i in self._newly_observed for node in nodes.having(i)]
+            concerned = [node for i in self._seen_otherwise for node in nodes.having(i)]
             wanted = {node.id: node for node in (*concerned, *change.changed, *change.added)}
             for node in change.removed:
                 wanted.pop(node.id, None)
@@ -493,12 +503,12 @@ class ConceptTracker:
 
     def _proposals(self) -> list[Proposal]:
         """Return the pairs that all nodes take for one, as the map is now."""
-        observed, proposals = self._observed.all, []
+        observed, proposals = self._observed.all, list[Proposal]()
         for name in self._makers.concepts:
             nodes, memory = list(self._nodes[name].by_id.values()), Memory()
-            for node in nodes:
-                result = self._makers.make(name, node, nodes, observed, memory)
-                proposals.append(Proposal(name, node.id, result.same))
+            proposals += [
+                self._makers.proposed(name, node, nodes, observed, memory) for node in nodes
+            ]
         return proposals
 
     def _ordered(self, ids: Sequence[int]) -> SurfaceArrays:

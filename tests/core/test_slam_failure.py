@@ -83,6 +83,31 @@ def test_ties_are_sought_after_a_failure_too(
         tracker.update()
 
 
+def test_what_became_of_nodes_is_told_by_the_call_that_builds_anew(
+    detector: Detector, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tracker, keyframes = ConceptTracker(detector=detector), keyframes_of(drive(0).graph)
+    for enter in keyframes[:10]:
+        enter(tracker)
+    first = tracker.optimize()
+    with monkeypatch.context() as patch:
+        patch.setattr(sgraph_core.slam.smoother.Smoother, "add", _interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            tracker.optimize()
+    for enter in keyframes[10:]:
+        enter(tracker)
+    told = {
+        name: {node.id: node.members for node in (*change.added, *change.changed)}
+        for name, change in first.nodes.items()
+    }
+    for name, change in tracker.associate().nodes.items():
+        told[name] |= {node.id: node.members for node in (*change.added, *change.changed)}
+        for node in change.removed:
+            del told[name][node.id]
+    for name, members in told.items():
+        assert members == {node.id: node.members for node in tracker.nodes(name)}
+
+
 def _interrupted(*_args: object, **_options: object) -> None:
     raise KeyboardInterrupt
 
