@@ -29,9 +29,10 @@ def check_factors(
         others: variables of other nodes.
 
     Raises:
-        ConceptError: a key is taken or unknown, a variable is of a type that its factor does not
-            take, a covariance is not positive definite, or an error or derivative is not finite or
-            not of the size that noise model and variables have.
+        ConceptError: a key is taken, unknown or named twice by one factor, a variable is of a type
+            that its factor does not take, there is no noise model, a covariance is not positive
+            definite, or an error or derivative is not finite or not of the size that noise model
+            and variables have.
     """
     own = gtsam.Values()
     for key, value in result.values:
@@ -58,6 +59,8 @@ def _check(
         if key not in planes and not own.exists(key):
             name = gtsam.DefaultKeyFormatter(key)
             raise ConceptError(f"{what}: {name} is neither a member's plane nor the node's own")
+    if len(set(keys)) < len(keys):  # gtsam does not add up the Jacobians of one variable
+        raise ConceptError(f"{what}: it names a variable twice")
     _check_noise(what, factor)
     point = own.extract([key for key in keys if own.exists(key)])
     for key in set(keys) & planes.keys():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import gtsam
@@ -117,8 +117,7 @@ def concept_factors(
     Raises:
         InputError: a node breaks the map file's rules.
         ConceptError: a factor type is unknown, a plugin's factor function fails, or its factors
-            are not fit for a graph: an error or derivative that is not finite, a Jacobian of the
-            wrong width, a variable that another node has.
+            are not fit for a graph: see :func:`sgraph_core.backend.checks.check_factors`.
         OptimizationError: pairs to tie cannot be found, as ``associate`` raises it.
     """
     check_nodes(graph.concepts, set(graph.wall_surfaces.ids.tolist()))
@@ -238,9 +237,7 @@ def _results(
     for name, make in factor_functions(registry, there, factor_types).items():
         nodes, memory = graph.concepts[name], Memory()
         for node in nodes:
-            context = factor_context(name, node, nodes, keys, observed, memory)
-            if origin is not None:
-                context = replace(context, origin=origin)
+            context = factor_context(name, node, nodes, keys, observed, memory, origin)
             yield name, node, made_by(make, name, node, context)
 
 
@@ -251,6 +248,7 @@ def factor_context(
     keys: Keys,
     observed: Observed,
     memory: Memory,
+    origin: FloatArray | None = None,
 ) -> FactorContext:
     """Return what a concept's factor function is told of a node.
 
@@ -261,6 +259,7 @@ def factor_context(
         keys: of surfaces and nodes.
         observed: the surfaces that some keyframe observed.
         memory: of what the function computes once for all of these nodes.
+        origin: world position of the coordinates' (0, 0), [2]; that itself by default.
     """
     members = [member for member in node.members if member in observed.rows]
     own = [observed.rows[member] for member in members]
@@ -275,6 +274,7 @@ def factor_context(
         observed.near,
         dict(zip(members, observed.first_seen[own].tolist(), strict=True)),
         memory,
+        np.zeros(2) if origin is None else origin,
     )
 
 
@@ -313,6 +313,15 @@ def made_by(
         raise ConceptError(f"factor of {concept} {node.id} fails: {one_line(error)}") from error
     if not isinstance(result, FactorResult):
         raise ConceptError(f"factor of concept {concept!r} must return a FactorResult")
+    for name in ("factors", "values", "same"):
+        value = getattr(result, name)
+        if not isinstance(value, Sequence):
+            what = f"factor of {concept} {node.id}: {name} = {value!r}"
+            raise ConceptError(f"{what}: must be a sequence")
+    for k, item in enumerate(result.values):
+        if not (isinstance(item, tuple | list) and len(item) == 2 and isinstance(item[0], int)):
+            what = f"factor of {concept} {node.id}: values[{k}] = {item!r}"
+            raise ConceptError(f"{what}: must be a key and its value")
     for k, pair in enumerate(result.same):
         ids = isinstance(pair, tuple | list) and all(map(is_id, pair))
         if not ids or len(pair) != 2 or pair[0] == pair[1]:

@@ -525,6 +525,30 @@ def test_pairs_that_are_none_are_named(monkeypatch: pytest.MonkeyPatch, pair: ob
         optimize(with_walls(drive(0)), {"wall": "zone:proposing_factor"})
 
 
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"same": None}, "same = None: must be a sequence"),
+        ({"factors": 5}, "factors = 5: must be a sequence"),
+        ({"values": {}.items()}, r"values = dict_items\(\[\]\): must be a sequence"),
+        ({"values": [3]}, r"values\[0\] = 3: must be a key and its value"),
+        ({"values": [("x", 1.0)]}, r"values\[0\] = \('x', 1.0\): must be a key and its value"),
+    ],
+)
+def test_what_is_no_list_of_factors_values_or_pairs_is_named(
+    monkeypatch: pytest.MonkeyPatch, fields: dict[str, object], message: str
+) -> None:
+    monkeypatch.setattr(zone.Returned, "fields", fields)
+    with pytest.raises(ConceptError, match=f"^factor of wall 0: {message}$"):
+        optimize(with_walls(drive(0)), {"wall": "zone:returning_factor"})
+
+
+def test_a_factor_that_names_a_variable_twice_is_refused() -> None:
+    """gtsam does not add up the Jacobians: the solution would come out otherwise."""
+    with pytest.raises(ConceptError, match=r"^factor of wall 0: it names a variable twice$"):
+        optimize(with_walls(drive(0)), {"wall": "zone:twice_the_same_key"})
+
+
 def test_a_variable_that_nothing_links_to_others_is_solved_too() -> None:
     """Nested dissection, as METIS does it, ends the process."""
     graph = with_walls(drive(0))

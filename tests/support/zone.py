@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 import gtsam
 import numpy as np
@@ -236,6 +236,24 @@ class Proposed:
 
 def proposing_factor(_node: ConceptNode, _context: FactorContext) -> FactorResult:
     return FactorResult(same=Proposed.same)
+
+
+class Returned:
+    """What its factor function returns."""
+
+    fields: ClassVar[dict[str, Any]] = {}
+
+
+def returning_factor(_node: ConceptNode, _context: FactorContext) -> FactorResult:
+    return FactorResult(**Returned.fields)
+
+
+def twice_the_same_key(_node: ConceptNode, context: FactorContext) -> FactorResult:
+    """Relate a variable to itself."""
+    key = context.new_key(0)
+    zero = gtsam.Point2(0, 0)
+    prior = gtsam.PriorFactorPoint2(key, np.ones(2), UNIT)
+    return FactorResult([prior, gtsam.BetweenFactorPoint2(key, key, zero, UNIT)], [(key, zero)])
 
 
 INDEFINITE = gtsam.noiseModel.Gaussian.Covariance(np.array([[1.0, 2.0], [2.0, 1.0]]))
