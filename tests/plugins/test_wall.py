@@ -146,15 +146,17 @@ def walls(*thicknesses: float) -> list[ConceptNode]:
 
 def test_walls_built_alike_share_their_thickness() -> None:
     known = known_thicknesses(walls(0.16, 0.15, 0.4, 0.15, 0.14))
-    thickness, sigma = typical_thickness(0.14, known)
+    thickness, sigma = typical_thickness(0.14, known, OWN_SIGMA_M)
     assert thickness == pytest.approx(0.15)
     assert sigma == pytest.approx(0.015)
 
 
 def test_a_wall_like_no_other_is_left_its_thickness() -> None:
     known = known_thicknesses(walls(0.14, 0.15, 0.16, 0.15, 0.4))
-    assert typical_thickness(0.4, known) == (0.4, OWN_SIGMA_M)
+    assert typical_thickness(0.4, known, OWN_SIGMA_M) == (0.4, OWN_SIGMA_M)
+    assert typical_thickness(0.4, known, FREE_SIGMA_M) == (0.4, FREE_SIGMA_M)
 
 
 def test_sides_that_drift_pushed_together_are_held_parallel_only() -> None:
-    assert typical_thickness(0.0, known_thicknesses(walls(0.0, 0.0, 0.0))) == (0.0, FREE_SIGMA_M)
+    known = known_thicknesses(walls(0.0, 0.0, 0.0))
+    assert typical_thickness(0.0, known, OWN_SIGMA_M) == (0.0, FREE_SIGMA_M)

@@ -79,9 +79,7 @@ def known_thicknesses(walls: Sequence[ConceptNode]) -> FloatArray:
     return np.asarray(known[known >= THINNEST_M])
 
 
-def typical_thickness(
-    own: float, known: FloatArray, own_sigma: float = OWN_SIGMA_M
-) -> tuple[float, float]:
+def typical_thickness(own: float, known: FloatArray, own_sigma: float) -> tuple[float, float]:
     """Return the thickness that a wall should have, and its standard deviation, in metres.
 
     The walls within 4 cm of this one's mapped thickness are its group, this one included.
