@@ -215,6 +215,20 @@ class Cluster:
     confidence: float
 
 
+def _holds_array(value: object, depth: int) -> bool:
+    """Return whether a value is an array, or a collection of them down to a depth."""
+    if depth and isinstance(value, Sequence):
+        return any(_holds_array(part, depth - 1) for part in value)
+    return isinstance(value, np.ndarray)
+
+
+def _in_tuples(value: Any) -> Any:
+    """Return arrays, and collections of them, as tuples of Python's numbers."""
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    return tuple(map(_in_tuples, value)) if isinstance(value, tuple | list) else value
+
+
 @dataclass(frozen=True)
 class NodeShape:
     """The geometry of a node: in the scene's coordinates from a plugin, in the world on a node.
@@ -226,6 +240,8 @@ class NodeShape:
         thickness: of a wall, in metres.
         attributes: the concept's own fields, JSON values. The core does not look into them, so
             coordinates in them are the world's in any case.
+
+    Arrays of points become tuples.
     """
 
     centre: tuple[float, float] | None = None
@@ -233,6 +249,11 @@ class NodeShape:
     holes: tuple[tuple[tuple[float, float], ...], ...] = ()
     thickness: float | None = None
     attributes: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name, depth in (("centre", 0), ("polygon", 1), ("holes", 2)):
+            if _holds_array(getattr(self, name), depth):
+                object.__setattr__(self, name, _in_tuples(getattr(self, name)))
 
     def shifted(self, by: FloatArray) -> NodeShape:
         """Return the shape moved by a vector, [2]; attributes stay."""
@@ -259,6 +280,8 @@ class ConceptNode:
         name: what a person calls it, if anyone does.
         shape: its geometry, as far as known.
         confidence: probability from 0 to 1, where known.
+
+    An array of members becomes a tuple.
     """
 
     id: int
@@ -266,6 +289,10 @@ class ConceptNode:
     name: str | None = None
     shape: NodeShape = field(default_factory=NodeShape)
     confidence: float | None = None
+
+    def __post_init__(self) -> None:
+        if isinstance(self.members, np.ndarray):
+            object.__setattr__(self, "members", _in_tuples(self.members))
 
 
 @dataclass(frozen=True, eq=False)

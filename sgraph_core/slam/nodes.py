@@ -8,7 +8,7 @@ from itertools import islice
 
 from sgraph_concepts.errors import InputError
 from sgraph_concepts.types import ConceptNode, NodeShape
-from sgraph_core.nodes import keep_identity, persisting
+from sgraph_core.nodes import keep_identity, node_record, persisting
 from sgraph_core.slam.clusters import Members
 from sgraph_core.tables import LARGEST_ID
 
@@ -122,11 +122,8 @@ class LiveNodes:
     def shaped(self, changes: NodeChanges, shapes: Mapping[int, NodeShape]) -> NodeChanges:
         """Return changes with these shapes, and with the nodes whose shape alone has changed."""
         told = {node.id for node in (*changes.added, *changes.changed)}
-        others = [
-            replace(self.by_id[i], shape=shape)
-            for i, shape in shapes.items()
-            if i not in told and self.by_id[i].shape != shape
-        ]
+        now = [replace(self.by_id[i], shape=shape) for i, shape in shapes.items() if i not in told]
+        others = [node for node in now if not _alike(node, self.by_id[node.id])]
         added, changed = (
             [replace(node, shape=shapes.get(node.id, node.shape)) for node in nodes]
             for nodes in (changes.added, changes.changed)
@@ -162,7 +159,7 @@ class LiveNodes:
         now = {node.id: node for node in nodes}
         return NodeChanges(
             [node for node in nodes if node.id not in self.by_id],
-            [node for node in nodes if self.by_id.get(node.id, node) != node],
+            [node for node in nodes if not _alike(node, self.by_id.get(node.id, node))],
             [node for node in self.by_id.values() if node.id not in now],
         )
 
@@ -191,6 +188,11 @@ class LiveNodes:
     def _enter(self, node: ConceptNode) -> None:
         for member in node.members:
             self._of_member.setdefault(member, set()).add(node.id)
+
+
+def _alike(one: ConceptNode, two: ConceptNode) -> bool:
+    """Return whether nodes are saved alike: their attributes may hold arrays, which lack an ==."""
+    return one is two or node_record(one) == node_record(two)
 
 
 def _as_sure(before: float | None, now: float) -> bool:

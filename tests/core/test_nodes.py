@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from drive import drive
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from plans import block
@@ -22,6 +23,7 @@ from sgraph_core.detector import Detector
 from sgraph_core.graph import SGraph
 from sgraph_core.nodes import keep_identity, node_record
 from sgraph_core.slam import ConceptTracker
+from sgraph_core.slam.nodes import LiveNodes, NodeChanges
 
 
 def nodes(*members: tuple[int, ...]) -> list[ConceptNode]:
@@ -193,6 +195,67 @@ def test_numbers_and_arrays_of_numpy_are_saved_as_numbers() -> None:
     )
     graph.concepts["wall"] = [numpy]
     assert map_file.parse(map_file.dump(graph).encode()).concepts["wall"] == [plain]
+
+
+def in_numpy(node: ConceptNode) -> ConceptNode:
+    """Return a node with its numbers as numpy's, and its tuples of them as arrays."""
+    shape = node.shape
+    return ConceptNode(
+        np.int64(node.id),  # type: ignore[arg-type]
+        np.array(node.members),  # type: ignore[arg-type]
+        node.name,
+        NodeShape(
+            None if shape.centre is None else np.array(shape.centre),
+            None if shape.polygon is None else np.array(shape.polygon),
+            [np.array(hole) for hole in shape.holes],  # type: ignore[arg-type]
+            None if shape.thickness is None else np.float64(shape.thickness),
+            {name: np.array(value) for name, value in shape.attributes.items()},
+        ),
+        None if node.confidence is None else np.float64(node.confidence),
+    )
+
+
+def _tracked(graph: SGraph, detector: Detector) -> str:
+    tracker = ConceptTracker(graph, detector)
+    tracker.update()
+    return map_file.dump(tracker.snapshot())
+
+
+@pytest.mark.parametrize(
+    "use",
+    [
+        lambda graph, detector: map_file.dump(detector.infer(graph)),
+        _tracked,
+        lambda graph, _: concept_factors(graph).graph.size(),
+        lambda graph, _: map_file.dump(optimize(graph).graph),
+        lambda graph, _: map_file.dump(graph),
+    ],
+    ids=["infer", "track", "factors", "optimize", "save"],
+)
+def test_numbers_and_arrays_of_numpy_are_as_good_as_plain_ones(
+    use: Callable[[SGraph, Detector], object], detector: Detector
+) -> None:
+    plain = detector.infer(drive(0).graph)
+    numpy = plain.copy()
+    numpy.concepts = {c: [*map(in_numpy, nodes)] for c, nodes in plain.concepts.items()}
+    assert use(numpy, detector) == use(plain, detector)
+
+
+def test_arrays_in_a_node_become_tuples_of_plain_numbers() -> None:
+    corners = tuple(map(np.array, RING))
+    for polygon in (np.array(RING), corners, list(corners)):
+        assert NodeShape(None, polygon).polygon == RING
+        assert NodeShape(holes=(polygon,)).holes == (RING,)
+    assert ConceptNode(0, np.arange(2)).members == (0, 1)  # type: ignore[arg-type]
+
+
+def test_while_a_map_grows_arrays_in_attributes_are_compared_by_their_numbers() -> None:
+    live = LiveNodes("zone", [shaped(attributes={"at": np.arange(2)})])
+    same, other = shaped(attributes={"at": [0, 1]}), shaped(attributes={"at": np.array([0, 2])})
+    for changes in (live.shaped(NodeChanges(), {0: same.shape}), live.replaced_by([same])):
+        assert not changes
+    for changes in (live.shaped(NodeChanges(), {0: other.shape}), live.replaced_by([other])):
+        assert changes.changed == [other]
 
 
 junk = st.sampled_from([NAN, INF, -1, 1e300, "1", True, (), (1.0,), RING, 2**53, 1.5, "\ud800", {}])
