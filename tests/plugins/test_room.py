@@ -20,12 +20,12 @@ from plans import (
     turned,
 )
 
-from sgraph_concepts.types import Scene, ScoredEdges, SurfaceArrays
+from sgraph_concepts.types import Memory, Scene, ScoredEdges, SurfaceArrays
 from sgraph_core.detector import Detector, Scorer
 from sgraph_core.graph import SGraph
 from sgraph_core.proximity import build_scene
 from sgraph_plugins.room.cluster import cluster
-from sgraph_plugins.room.outline import outline
+from sgraph_plugins.room.outline import outline, outlines
 from sgraph_plugins.room.shape import shape
 
 
@@ -251,6 +251,18 @@ def test_an_outline_moves_and_turns_with_its_surfaces(seed: int, angle: float) -
         assert two.area == pytest.approx(one.area, abs=1e-2)
 
 
+def test_of_rooms_within_one_another_that_are_equal_but_for_rounding_one_stays() -> None:
+    for inset in (0.0, 1e-5):
+        inner = rectangle(inset, inset, 5 - 2 * inset, 4 - 2 * inset)
+        rooms = [
+            plan(corners).wall_surfaces.ordered() for corners in (rectangle(0, 0, 5, 4), inner)
+        ]
+        for order in ((0, 1), (1, 0)):
+            found = outlines({room: rooms[k] for room, k in enumerate(order)}, Memory())
+            assert found[0].area == pytest.approx(20, abs=1e-3)
+            assert 1 not in found or found[1].area < 1e-3
+
+
 def with_a_gap(corners: list[Point], side: int, start: float, end: float) -> list[list[Point]]:
     """Return the sides of a room; one that runs along y is open from one y to another."""
     sides = [[corners[k], corners[(k + 1) % 4]] for k in range(4)]
@@ -259,21 +271,31 @@ def with_a_gap(corners: list[Point], side: int, start: float, end: float) -> lis
 
 
 @pytest.mark.parametrize(
-    "beside", [rectangle(5, 1, 2, 2), rectangle(4.9, 0, 5, 4)], ids=["touching", "equal"]
+    ("width", "height", "beside"),
+    [
+        (5, 4, rectangle(5, 1, 2, 2)),
+        (5, 4, rectangle(4.9, 0, 5, 4)),
+        (4.95, 3.95, rectangle(4.85, 0, 4.95, 3.95)),
+        (3.45, 4.15, rectangle(3.35, 0, 3.45, 4.15)),
+    ],
+    ids=["touching", "equal", "equal-19.5525", "equal-14.3175"],
 )
-def test_rounding_does_not_decide_where_a_doorway_is(beside: list[Point]) -> None:
+def test_rounding_does_not_decide_where_a_doorway_is(
+    width: float, height: float, beside: list[Point]
+) -> None:
     """Whether rooms overlap that touch, and which of two equal ones that overlap stays whole."""
-    west = with_a_gap(rectangle(0, 0, 5, 4), 1, 0.8, 2.1)
+    west = with_a_gap(rectangle(0, 0, width, height), 1, 0.8, 2.1)
+    far = [(31.7, 13.3), (35.1, 13.3)]  # else the rooms lie evenly around the scene's origin
     east = with_a_gap(beside, 3, 2.7, 1.3)
     rows = {0: np.arange(5), 1: np.arange(5, 10)}
     for angle in np.linspace(-3, 3, 40):
         turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
         graph = SGraph()
-        for number, (start, end) in enumerate(np.array([*west, *east]) @ turn.T + 7 * angle):
+        for number, (start, end) in enumerate(np.array([*west, *east, far]) @ turn.T + 7 * angle):
             along = (end - start) / np.linalg.norm(end - start)
             graph.add_wall_surface(number, [start, end], [-along[1], along[0]])
         found = shape(rows, build_scene(graph.wall_surfaces.ordered()))[0].attributes
-        assert found["area_m2"] == pytest.approx(20, abs=2e-3)
+        assert found["area_m2"] == pytest.approx(width * height, abs=2e-3)
         (door,) = found["doorways"]
-        assert door["position"] == pytest.approx(turn @ [5, 1.7] + 7 * angle, abs=2e-3)
+        assert door["position"] == pytest.approx(turn @ [width, 1.7] + 7 * angle, abs=2e-3)
         assert door["width_m"] == pytest.approx(0.8, abs=2e-3)

@@ -24,6 +24,8 @@ MOST_LINES = 80
 REACH_M = 3.0
 GRID_M = 1e-6
 """Coordinates are snapped to this grid, so that lines which meet do meet."""
+SAME_AREA_M2 = 1e-3
+"""Of rooms whose areas differ by less, rounding decides which one is smaller."""
 STRAIGHT_M, TOUCH_M = 1e-3, 1e-5
 """A border that bends by less is straight: where the room's own lines cross it, and where another
 room touches it, since rounding decides whether the two overlap."""
@@ -40,20 +42,31 @@ def outlines(rooms: Mapping[int, SurfaceArrays], memory: Memory) -> dict[int, sh
         for room, surfaces in rooms.items()
     }
     found = {room: polygon for room, polygon in whole.items() if polygon is not None}
-    ordered = sorted(found, key=lambda room: (round(found[room].area, 3), room))
-    tree = shapely.STRtree(np.array([found[room] for room in ordered], object))
-    one, two = tree.query(tree.geometries, predicate="overlaps")
-    within, around = tree.query(tree.geometries, predicate="within")
+    numbers = np.array(list(found), np.int64)
+    tree = shapely.STRtree(np.array(list(found.values()), object))
+    within = tree.query(tree.geometries, predicate="within")
+    overlapping = tree.query(tree.geometries, predicate="overlaps")
+    one, two = np.hstack([overlapping, within, within[::-1]])
     apart: dict[int, shapely.Polygon] = {}
-    for k, room in enumerate(ordered):
-        rivals = {*two[one == k].tolist(), *within[around == k].tolist()}
-        smaller = [
-            apart[ordered[rival]] for rival in rivals if rival < k and ordered[rival] in apart
-        ]
+    for k in np.lexsort((numbers, _sizes(shapely.area(tree.geometries), one, two))):
+        room = int(numbers[k])
+        rivals = set(numbers[two[one == k]].tolist())
+        smaller = [apart[rival] for rival in sorted(rivals & apart.keys())]
         left = _largest(shapely.difference(found[room], shapely.union_all(smaller)))
         if left is not None:
             apart[room] = _without_needless_points(left, TOUCH_M) if smaller else left
     return apart
+
+
+def _sizes(areas: FloatArray, one: IntArray, two: IntArray) -> FloatArray:
+    """Return areas, [N]; of two that overlap and are equal but for rounding, both get the smaller.
+
+    Overlaps are given either way round: ``one`` and ``two`` are their rooms, [P] each.
+    """
+    equal = np.abs(areas[one] - areas[two]) < SAME_AREA_M2
+    sizes = areas.copy()
+    np.minimum.at(sizes, one[equal], areas[two[equal]])
+    return sizes
 
 
 def outline(surfaces: SurfaceArrays) -> shapely.Polygon | None:
