@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sgraph_concepts.errors import InputError
+from sgraph_concepts.errors import InputError, shorten
 from sgraph_concepts.spec import WALL_SURFACE
 from sgraph_concepts.types import ConceptNode, FloatArray, IntArray, OccupancyGrid
 from sgraph_core.tables import (
@@ -447,7 +447,7 @@ def _ids(values: Sequence[int]) -> IntArray:
 def _row(name: str, value: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
     array = np.asarray(value, np.float64)
     if array.shape != shape:
-        raise InputError(f"{name} = {value!r}: must have shape {list(shape)}")
+        raise InputError(f"{name} = {shorten(value)}: must have shape {list(shape)}")
     return array[None]
 
 

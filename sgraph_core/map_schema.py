@@ -6,7 +6,7 @@ tables; :mod:`sgraph_core.map_file` applies both.
 
 from __future__ import annotations
 
-import math
+import sys
 from typing import Annotated, Literal
 
 from pydantic import (
@@ -37,12 +37,15 @@ Members = Annotated[list[Id], Field(min_length=1)]
 
 
 def _finite(value: JsonValue) -> JsonValue:
-    """JSON knows no NaN and no infinity, although Python's reader lets them pass."""
+    """JSON knows no NaN and no infinity, although Python's reader lets them pass.
+
+    Integers beyond float64 are infinite to most readers, and the longest cannot be written.
+    """
     parts = [value]
     while parts:
         part = parts.pop()
-        if isinstance(part, float) and not math.isfinite(part):
-            raise ValueError("must be a finite number")
+        if isinstance(part, int | float) and not abs(part) <= sys.float_info.max:
+            raise ValueError("must be a finite number (float64)")
         if isinstance(part, list):
             parts += part
         elif isinstance(part, dict):

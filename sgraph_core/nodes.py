@@ -13,7 +13,13 @@ import numpy as np
 from sgraph_concepts.spec import WALL_SURFACE
 from sgraph_concepts.types import ConceptNode, NodeShape
 from sgraph_core.map_schema import FORMAT, UNITS, VERSION
-from sgraph_core.structure import StructureError, place_of, refuse_lone_surrogates, structured
+from sgraph_core.structure import (
+    Steps,
+    StructureError,
+    place_of,
+    refuse_lone_surrogates,
+    structured,
+)
 from sgraph_core.tables import ID_RULE, LARGEST_ID, RuleError
 
 __all__ = ["check_links", "check_nodes", "keep_identity", "node_record", "persisting"]
@@ -46,7 +52,7 @@ def check_nodes(concepts: Mapping[str, Sequence[ConceptNode]], surfaces: Collect
         RuleError: a node breaks a rule, so that a map file could not be read with it.
     """
     records = {
-        concept: [_record(f"concepts.{concept}[{k}]", node) for k, node in enumerate(nodes)]
+        concept: [_record(("concepts", concept, k), node) for k, node in enumerate(nodes)]
         for concept, nodes in concepts.items()
     }
     try:
@@ -96,15 +102,15 @@ def node_record(node: ConceptNode) -> dict[str, Any]:
     return {key: value for key, value in record.items() if not (key in optional and value is None)}
 
 
-def _record(place: str, node: object) -> dict[str, Any]:
+def _record(steps: Steps, node: object) -> dict[str, Any]:
     if not isinstance(node, ConceptNode):
-        raise RuleError(place, repr(node), "must be a ConceptNode")
+        raise StructureError(steps, node, "must be a ConceptNode")
     if not isinstance(node.shape, NodeShape):
-        raise RuleError(f"{place}.shape", repr(node.shape), "must be a NodeShape")
+        raise StructureError((*steps, "shape"), node.shape, "must be a NodeShape")
     try:
         return node_record(node)
     except RecursionError:
-        raise RuleError(f"{place}.attributes", "...", "is nested too deeply") from None
+        raise RuleError(f"{place_of(steps)}.attributes", "...", "is nested too deeply") from None
 
 
 def _of_field(error: StructureError, records: Mapping[str, list[dict[str, Any]]]) -> RuleError:

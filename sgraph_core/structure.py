@@ -7,6 +7,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from sgraph_concepts.errors import shorten
 from sgraph_core.map_schema import MapRecord
 from sgraph_core.tables import RuleError
 
@@ -37,7 +38,7 @@ class StructureError(RuleError):
     def __init__(self, steps: Steps, value: object, rule: str) -> None:
         super().__init__(place_of(steps), value, rule)
         self.steps = steps
-        self.args = (f"{self.place} = {value!r}: {rule}",)
+        self.args = (f"{self.place} = {shorten(value, repr)}: {rule}",)
 
 
 def structured(document: Any) -> MapRecord:

@@ -9,7 +9,7 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from sgraph_concepts.errors import InputError
+from sgraph_concepts.errors import InputError, shorten
 from sgraph_concepts.types import FloatArray, IntArray, SurfaceArrays
 
 __all__ = [
@@ -48,17 +48,17 @@ SHORTEST_SEGMENT_M = 1e-3
 
 
 class RuleError(InputError):
-    """A pin or a node of an S-Graph breaks a rule.
+    """A part of a map, of a file or of an S-Graph, breaks a rule.
 
     Attributes:
-        place: where, named as in the map file.
+        place: where, named as in the map file; in one line, shortened.
         value: the offending value.
         rule: what is asked for.
     """
 
     def __init__(self, place: str, value: object, rule: str) -> None:
-        self.place, self.value, self.rule = place, value, rule
-        super().__init__(f"{place} = {value}: {rule}")
+        self.place, self.value, self.rule = shorten(place), value, rule
+        super().__init__(f"{self.place} = {shorten(value)}: {rule}")
 
 
 class RowError(InputError):

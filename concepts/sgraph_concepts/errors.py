@@ -16,6 +16,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 __all__ = [
     "ConceptError",
     "InputError",
@@ -28,6 +30,7 @@ __all__ = [
     "TrainingError",
     "WeightsError",
     "one_line",
+    "shorten",
 ]
 
 _LONGEST_VALUE = 80
@@ -54,7 +57,7 @@ class MapFileError(SGraphError):
     def __init__(self, path: object, place: str, value: object, rule: str) -> None:
         self.path = str(path)
         self.place = place
-        self.value = "" if value is None else _shorten(value)
+        self.value = "" if value is None else shorten(value)
         self.rule = rule
         where = f"{place} = {self.value}" if place and self.value else place or self.value
         super().__init__(": ".join(part for part in (self.path, where, rule) if part))
@@ -93,9 +96,12 @@ class MissingExtraError(SGraphError, ImportError):
         )
 
 
-def _shorten(value: object) -> str:
-    text = value if isinstance(value, str) else repr(value)
-    text = " ".join(text.split())
+def shorten(value: object, show: Callable[[object], str] = str) -> str:
+    """Return a value as errors show it: in one line, and not in too long a one."""
+    try:
+        text = " ".join(show(value).split())
+    except ValueError:  # an integer of more digits than Python prints
+        return "..."
     return text if len(text) <= _LONGEST_VALUE else f"{text[: _LONGEST_VALUE - 3]}..."
 
 

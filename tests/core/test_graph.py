@@ -65,6 +65,10 @@ def test_a_refused_row_changes_nothing(graph: SGraph) -> None:
 def test_values_of_the_wrong_shape_or_kind_are_named(graph: SGraph) -> None:
     with pytest.raises(InputError, match=r"pose = .*must have shape \[7\]"):
         graph.add_keyframe(5, [0, 0, 0])
+    with pytest.raises(
+        InputError, match=r"^segment = \[\[0. 0.\] \[1. 1.\] \[2. 2.\]\]: must have"
+    ):
+        graph.add_wall_surface(5, np.repeat(np.arange(3.0), 2).reshape(3, 2), [0, 1])
     with pytest.raises(InputError, match="must be an integer"):
         graph.add_keyframe(5.5, LEVEL)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="must be the id of a wall surface"):

@@ -217,6 +217,11 @@ MUTATIONS: list[tuple[Callable[[dict[str, Any]], None], str]] = [
     (_set("concepts/room/0/members", [12, 12]), "concepts.room[0].members = [12, 12]: must be uni"),
     (_set("concepts/room/0/confidence", 1.5), "less than or equal to 1"),
     (_set("concepts/room/0/attributes/area_m2", NAN), "attributes.area_m2"),
+    (
+        _set("concepts/room/0/attributes/area_m2", 10**400),
+        "concepts.room[0].attributes.area_m2 = 1000000000",
+    ),
+    (_set("concepts/room/0/attributes", {"a\nb": NAN}), "room[0].attributes.a b = NaN: must be a"),
     (_set("concepts/room/0/polygon", [[0, 0], [1, 1]]), "must have at least 3 items"),
     (_set("concepts/wall/0/members", [12]), "a wall has exactly two members"),
     (_set("concepts/wall/0/members", [12, 5]), "concepts.wall[0].members[1] = 5: must be the id"),

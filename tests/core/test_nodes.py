@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import gtsam
 import numpy as np
 import pytest
 from drive import drive
@@ -144,6 +145,20 @@ BAD: dict[str, list[ConceptNode]] = {
         shaped(attributes={"a": {"b": (0, INF)}})
     ],
     r"\[0\].attributes.a = <.*>: .* a valid JSON value": [shaped(attributes={"a": SGraph()})],
+    r"\[0\].attributes.a = R: \[ 1, 0, 0; .* \] t: 0 0 0: .* JSON value": [
+        shaped(attributes={"a": gtsam.Pose3()})
+    ],
+    r"\[0\].attributes.a b = nan: must be a finite": [shaped(attributes={"a\nb": NAN})],
+    r"\[0\].attributes.a = 10{76}\.\.\.: must be a finite": [shaped(attributes={"a": 10**400})],
+    r"\[0\].attributes.a = \.\.\.: must be a finite": [shaped(attributes={"a": 10**5000})],
+    r"\[0\].attributes.a = {'b': \[inf, 0, (0, )+0,\.\.\.: must be a finite": [
+        shaped(attributes={"a": {"b": (INF, *[0] * 1000)}})
+    ],
+    r"\[0\].confidence = a b: must be from 0": [wrong(confidence="a\nb")],
+    r"\[0\].id = \.\.\.: must be an integer": [wrong(id=10**5000)],
+    r"\[0\].centre = \[10{75}\.\.\.: must be finite": [shaped((10**400, 0.0))],
+    r"\[0\].members\[1\] = 10{76}\.\.\.: must be": [wrong(members=(1, 10**400))],
+    r"\[0\] = \.\.\.: must be a ConceptNode": [10**5000],  # type: ignore[list-item]
     r"\[0\].attributes\[1\] = 1: must be a valid string": [shaped(attributes={1: 2})],
     r"\[0\].attributes = 7: must be a valid dictionary": [shaped(attributes=7)],
     r"\[0\].attributes = ...: is nested too deeply": [shaped(attributes=ENDLESS)],
@@ -164,8 +179,10 @@ def test_nodes_that_break_a_rule_are_named(
 ) -> None:
     graph = block(0.15)
     graph.concepts["wall"] = BAD[message]
-    with pytest.raises(InputError, match=r"^concepts\.wall" + message):
+    with pytest.raises(InputError, match=r"^concepts\.wall" + message) as caught:
         call(graph, detector)
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 200
     assert graph.concepts["wall"] is BAD[message]
 
 
