@@ -18,7 +18,7 @@ from pydantic import (
     field_validator,
 )
 
-from sgraph_core.tables import LARGEST_COORDINATE_M, LARGEST_ID
+from sgraph_core.tables import GREATEST_SIGMA, LARGEST_COORDINATE_M, LARGEST_ID, LEAST_SIGMA
 
 __all__ = ["FORMAT", "UNITS", "VERSION", "MapRecord"]
 
@@ -26,7 +26,10 @@ FORMAT, VERSION, UNITS = "sgraph-map", 1, "m"
 
 Id = Annotated[int, Field(strict=True, ge=0, le=LARGEST_ID)]
 Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Positive = Annotated[Real, Field(gt=0)]
+Sigma = Annotated[
+    Real, Field(json_schema_extra={"minimum": LEAST_SIGMA, "maximum": GREATEST_SIGMA})
+]
+"""The S-Graph's tables check it, and name all of a row's standard deviations."""
 Coordinate = Annotated[Real, Field(ge=-LARGEST_COORDINATE_M, le=LARGEST_COORDINATE_M)]
 Text = Annotated[str, Field(strict=True)]
 Point = tuple[Coordinate, Coordinate]
@@ -76,9 +79,8 @@ class OdometryRecord(Record):
     from_: Id = Field(alias="from", description="Keyframe id.")
     to: Id = Field(description="Keyframe id.")
     pose: Pose = Field(description="from_T_to: x, y, z [m], qx, qy, qz, qw (unit quaternion).")
-    sigmas: tuple[Positive, Positive, Positive, Positive, Positive, Positive] = Field(
-        description="Standard deviations rx, ry, rz [rad], x, y, z [m] in the tangent space, each "
-        "from 1e-8 to 1e6."
+    sigmas: tuple[Sigma, Sigma, Sigma, Sigma, Sigma, Sigma] = Field(
+        description="Standard deviations rx, ry, rz [rad], x, y, z [m] in the tangent space."
     )
 
 
@@ -90,9 +92,9 @@ class ObservationRecord(Record):
         description="nx, ny, nz, d in the keyframe's body frame, n.x + d = 0, unit n pointing to "
         "the keyframe, hence d > 0 [m]."
     )
-    sigmas: tuple[Positive, Positive] = Field(
+    sigmas: tuple[Sigma, Sigma] = Field(
         description="Standard deviations of the normal's angle [rad] and of the plane's distance "
-        "from the point 'at' [m], each from 1e-8 to 1e6."
+        "from the point 'at' [m]."
     )
     at: tuple[Coordinate, Coordinate, Coordinate] = Field(
         default=(0.0, 0.0, 0.0),

@@ -13,11 +13,14 @@ from sgraph_concepts.errors import InputError, shorten
 from sgraph_concepts.types import FloatArray, IntArray, SurfaceArrays
 
 __all__ = [
+    "GREATEST_SIGMA",
     "ID_RULE",
     "LARGEST_COORDINATE_M",
     "LARGEST_ID",
+    "LEAST_SIGMA",
     "PERPENDICULAR_TOLERANCE_RAD",
     "SHORTEST_SEGMENT_M",
+    "SIGMA_RULE",
     "Check",
     "Keyframes",
     "Observations",
@@ -39,6 +42,7 @@ LARGEST_COORDINATE_M = 1e8
 """Positions beyond this are no map's: UTM needs 1e7, and float64 resolves 15 nm here."""
 LEAST_SIGMA, GREATEST_SIGMA = 1e-8, 1e6
 """Standard deviations, rad or m: below the first float64 no longer solves what they ask for."""
+SIGMA_RULE = f"must be from {LEAST_SIGMA:g} to {GREATEST_SIGMA:g}"
 NORM_TOLERANCE = 1e-3
 """How far the norm of a normal or quaternion may be from 1."""
 PERPENDICULAR_TOLERANCE_RAD = np.radians(5.0)
@@ -266,4 +270,4 @@ class Check:
     def sigmas(self, sigmas: FloatArray) -> None:
         """Standard deviations are positive, and such as an instrument or a guess may have."""
         good = (sigmas >= LEAST_SIGMA) & (sigmas <= GREATEST_SIGMA)
-        self.that(good.all(axis=1), "sigmas", sigmas, "must be from 1e-8 to 1e6")
+        self.that(good.all(axis=1), "sigmas", sigmas, SIGMA_RULE)

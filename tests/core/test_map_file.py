@@ -197,14 +197,18 @@ MUTATIONS: list[tuple[Callable[[dict[str, Any]], None], str]] = [
         _set("wall_surfaces/0/observations/0/plane", [0, -1, 0, 1.5]),
         "must be within 90 degrees of the surface's normal",
     ),
-    (_set("wall_surfaces/0/observations/0/sigmas", [0, 1]), "must be greater than 0"),
+    (
+        _set("wall_surfaces/0/observations/0/sigmas", [0, 1]),
+        "wall_surfaces[0].observations[0].sigmas = [0.0, 1.0]: must be from 1e-08 to 1e+06",
+    ),
     (
         _set("wall_surfaces/0/observations/1/sigmas", [1e-160, 0.1]),
-        "wall_surfaces[0].observations[1].sigmas = [1e-160, 0.1]: must be from 1e-8 to 1e6",
+        "wall_surfaces[0].observations[1].sigmas = [1e-160, 0.1]: must be from 1e-08 to 1e+06",
     ),
     (
         _set("odometry/0/sigmas/5", 1e7),
-        "odometry[0].sigmas = [0.01, 0.01, 0.02, 0.05, 0.05, 10000000.0]: must be from 1e-8 to 1e6",
+        "odometry[0].sigmas = [0.01, 0.01, 0.02, 0.05, 0.05, 10000000.0]: "
+        "must be from 1e-08 to 1e+06",
     ),
     (_set("wall_surfaces/0/observations/1/at", [0, 1]), "observations[1].at"),
     (_set("keyframes/1/id", 3), "keyframes[1].id = 3: must be unique"),
@@ -334,3 +338,10 @@ def test_the_schema_accepts_the_example_and_forbids_other_keys() -> None:
     assert schema["additionalProperties"] is False
     assert set(schema["required"]) == {"format", "version", "units", "wall_surfaces"}
     assert set(FULL) <= set(schema["properties"])
+
+
+def test_the_schema_bounds_standard_deviations_as_the_reader_does() -> None:
+    records = map_file.schema()["$defs"]
+    for record, count in (("OdometryRecord", 6), ("ObservationRecord", 2)):
+        sigmas = records[record]["properties"]["sigmas"]["prefixItems"]
+        assert sigmas == [{"type": "number", "minimum": 1e-8, "maximum": 1e6}] * count
