@@ -137,10 +137,13 @@ def load_map(path: Path) -> SGraph:
 
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
-    """Let what cannot be done with a map be told with its file's name first."""
-    from sgraph_concepts.errors import ConceptError, InputError, OptimizationError, SGraphError
+    """Let what cannot be done with a map be told with its file's name first.
+
+    What is wrong with a concept is told with the concept's name already.
+    """
+    from sgraph_concepts.errors import InputError, OptimizationError, SGraphError
 
     try:
         yield
-    except (ConceptError, InputError, OptimizationError) as error:
+    except (InputError, OptimizationError) as error:
         raise SGraphError(f"{path}: {error}") from error

@@ -220,6 +220,20 @@ def test_unknown_names_get_one_line(
 
 
 @pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["--concept", "roof"], "sgraph: there is no concept 'roof'"),
+        (["--factor", "roof=none"], "sgraph: there is no concept 'roof'"),
+        (["--factor", "wall=magic"], "sgraph: factor of concept 'wall': 'magic' is neither"),
+    ],
+)
+def test_a_wrong_option_of_an_optimisation_is_not_blamed_on_the_map(
+    sgraph: Any, demo_map: Path, arguments: list[str], text: str
+) -> None:
+    assert_one_line(sgraph("infer", demo_map, "--optimize", *arguments), text)
+
+
+@pytest.mark.parametrize(
     "arguments",
     [
         ["infer"],
