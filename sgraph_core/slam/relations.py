@@ -18,6 +18,7 @@ from sgraph_concepts.types import IntArray, Scene
 from sgraph_core.detector import Detector, Inference
 from sgraph_core.preprocess import Fragments
 from sgraph_core.slam.pairs import LivePairs
+from sgraph_core.slam.pool import rows_where
 
 __all__ = ["LiveRelations"]
 
@@ -56,9 +57,10 @@ class LiveRelations:
             For each concept the rows of fragments in pairs that are scored otherwise, and how many
             rows the network was given.
         """
-        links = [changed]
+        links, new = [changed], changed
         for _ in range(2 * LAYERS):
-            links.append(self._pairs.neighbours(links[-1]))
+            links.append(rows_where(links[-1], self._pairs.neighbours(new)))
+            new = np.setdiff1d(links[-1], links[-2], assume_unique=True)
         inner, known, rows = links[LAYERS], links[LAYERS + 1], links[-1]
         scene, pairs = self._pairs.scene(rows, known)
         scored = np.asarray(np.isin(rows[scene.pairs], inner).any(axis=1))

@@ -45,16 +45,22 @@ def _hollow(surfaces: SurfaceArrays, walls: IntArray) -> NDArray[np.bool_]:
         surfaces: of the scene.
         walls: pairs of rows, first below second, [W, 2].
     """
+    hollow = np.zeros(len(walls), bool)
+    # each side is of a leaf, too: few walls have two such sides
+    maybe = np.flatnonzero((np.bincount(walls.ravel())[walls] > 1).all(axis=1))
+    if not len(maybe):
+        return hollow
     sides = np.unique(walls)
     tree = shapely.STRtree(lines_of(surfaces.segments[sides]))
     number = np.array([len(surfaces), 1])
-    centres = back_to_back(surfaces, *walls.T).centres
-    with_leaf = np.zeros((len(walls), 2), bool)
-    for end, side in enumerate(walls.T):
+    centres = back_to_back(surfaces, *walls[maybe].T).centres
+    with_leaf = np.zeros((len(maybe), 2), bool)
+    for end, side in enumerate(walls[maybe].T):
         normals = surfaces.normals[side]
         depths = dot(surfaces.midpoints[side] - centres, normals)
         halves = np.stack([centres, centres + depths[:, None] * normals], axis=1)
         wall, inside = tree.query(lines_of(halves), predicate="intersects")
         leaf = np.sort(np.stack([side[wall], sides[inside]], axis=1), axis=1)
         with_leaf[wall[np.isin(leaf @ number, walls @ number)], end] = True
-    return np.asarray(with_leaf.all(axis=1))
+    hollow[maybe] = with_leaf.all(axis=1)
+    return hollow
