@@ -21,6 +21,9 @@ __all__ = ["Smoother"]
 
 RELINEARIZE = 0.01
 """A variable is linearised anew when it has moved by more, in rad or m."""
+FARTHEST_M = 1000.0
+"""Where a drive may begin: how far turning moves a plane that is far from the origin ISAM2 notices
+too late, and a few kilometres off its linear systems are singular."""
 
 Rows = TypeVar("Rows")
 
@@ -47,12 +50,19 @@ class Smoother:
         """Check that odometry connects the new keyframes with the others.
 
         Raises:
-            OptimizationError: it does not, or there are no keyframes.
+            OptimizationError: it does not, there are no keyframes, or the first is over 1 km from
+                the origin.
         """
         ids = graph.keyframes.ids[self._keyframes :].tolist()
         first = next(iter(self._connected), ids[0] if ids else None)
         if first is None:
             raise OptimizationError("there is nothing to optimise: the map has no keyframes")
+        away = float(np.linalg.norm(graph.keyframes.poses[0, :3]))
+        if not self._connected and away > FARTHEST_M:
+            raise OptimizationError(
+                f"keyframe {first} is {away:.0f} m from the origin: "
+                f"a graph that a tracker optimises must begin within {FARTHEST_M:g} m of it"
+            )
         links: nx.Graph[object] = nx.Graph()
         links.add_nodes_from([first, *ids])
         motions = _since(graph.odometry, self._odometry)

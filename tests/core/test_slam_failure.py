@@ -17,6 +17,7 @@ import sgraph_core.slam.smoother
 from sgraph_concepts.errors import ConceptError, InputError, OptimizationError
 from sgraph_concepts.types import FloatArray
 from sgraph_core.backend import Keys
+from sgraph_core.backend.back_projection import shifted
 from sgraph_core.detector import Detector
 from sgraph_core.slam import ConceptTracker
 
@@ -110,6 +111,17 @@ def test_what_became_of_nodes_is_told_by_the_call_that_builds_anew(
 
 def _interrupted(*_args: object, **_options: object) -> None:
     raise KeyboardInterrupt
+
+
+def test_a_drive_that_begins_far_from_the_origin_is_refused(detector: Detector) -> None:
+    near, far = (shifted(drive(0).graph, np.array([x, 0.0, 0.0])) for x in (900.0, 5e5))
+    ConceptTracker(near, detector).optimize()
+    tracker = ConceptTracker(far, detector)
+    with pytest.raises(
+        OptimizationError, match=r"keyframe 0 is 50000\d m from the origin: .* 1000 m"
+    ):
+        tracker.optimize()
+    assert tracker.update().factors.size(), "on a graph of one's own it may be as one likes"
 
 
 def test_a_graph_that_cannot_be_solved_is_named_and_built_anew(
