@@ -201,16 +201,22 @@ def test_a_surface_observed_late_joins_the_factors_then(detector: Detector) -> N
     assert not any(update.nodes.values())
 
 
-def test_a_sight_told_late_counts_from_its_keyframe(detector: Detector) -> None:
-    """Whether a wall's sides were mapped in one go is known once all sights are told."""
-    graph, tracker = two_rooms_seen_from_both(), ConceptTracker(detector=detector)
-    for keyframe in range(30):
+def enter_wall(tracker: ConceptTracker, keyframes: int) -> None:
+    """Enter two rooms and keyframes in turn in both; the first and the last see a side each."""
+    graph = two_rooms_seen_from_both()
+    for keyframe in range(keyframes):
         tracker.add_keyframe(keyframe, [7 if keyframe % 2 else 2, 2, 0, 0, 0, 0, 1])
     for surface in graph.wall_surfaces.ids.tolist():
         view = graph.wall_surface(surface)
         tracker.add_wall_surface(surface, view.segment, view.normal)
     tracker.observe(1, 0, [-1, 0, 0, 3], [0.01, 0.02])
-    tracker.observe(7, 29, [1, 0, 0, 1.85], [0.01, 0.02])
+    tracker.observe(7, keyframes - 1, [1, 0, 0, 1.85], [0.01, 0.02])
+
+
+def test_a_sight_told_late_counts_from_its_keyframe(detector: Detector) -> None:
+    """Whether a wall's sides were mapped in one go is known once all sights are told."""
+    tracker = ConceptTracker(detector=detector)
+    enter_wall(tracker, keyframes=30)
     apart = tracker.update()
     tracker.placed(range(apart.factors.size()))
     tracker.observe(7, 3, [1, 0, 0, 1.85], [0.01, 0.02])
@@ -230,17 +236,11 @@ def thickness_sigma(update: Update) -> float:
 
 def test_a_wall_that_turns_about_gets_a_new_anchor(detector: Detector) -> None:
     """ISAM2 keeps the value of a variable that stays; one turned by 180 degrees would be no use."""
-    graph, tracker = two_rooms_seen_from_both(), ConceptTracker(detector=detector, keys=OWN)
-    tracker.add_keyframe(0, [2, 2, 0, 0, 0, 0, 1])
-    tracker.add_keyframe(1, [7, 2, 0, 0, 0, 0, 1])
-    for surface in graph.wall_surfaces.ids.tolist():
-        view = graph.wall_surface(surface)
-        tracker.add_wall_surface(surface, view.segment, view.normal)
-    tracker.observe(1, 0, [-1, 0, 0, 3], [0.01, 0.02])
-    tracker.observe(7, 1, [1, 0, 0, 1.85], [0.01, 0.02])
+    tracker = ConceptTracker(detector=detector, keys=OWN)
+    enter_wall(tracker, keyframes=2)
     before = tracker.update()
     tracker.placed(range(before.factors.size()))
-    side = graph.wall_surface(1)
+    side = tracker.snapshot().wall_surface(1)
     tracker.move(surfaces={1: ([[3.0, 1.0], [3.0, 1.4]], [-1, 0])})
     tracker.add_wall_surface(8, side.segment, side.normal)
     tracker.observe(8, 0, [-1, 0, 0, 3], [0.01, 0.02])

@@ -45,6 +45,13 @@ def row(pose: Array) -> list[float]:
     return [pose[0], pose[1], 0, 0, 0, float(np.sin(pose[2] / 2)), float(np.cos(pose[2] / 2))]
 
 
+def with_walls(simulated: Drive) -> SGraph:
+    """Return the map of a drive with its true walls."""
+    graph = simulated.graph.copy()
+    graph.concepts["wall"] = simulated.walls
+    return graph
+
+
 def drive(seed: int) -> Drive:
     """Drive around the block twice; every visit of a room maps its surfaces anew."""
     rng = np.random.default_rng(seed)
