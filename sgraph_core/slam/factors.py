@@ -76,22 +76,22 @@ class FactorMakers:
         check_factors(f"factor of {concept} {node.id}", result, _planes(context), gtsam.Values())
         return result
 
-    def proposed(
-        self,
-        concept: str,
-        node: ConceptNode,
-        nodes: Sequence[ConceptNode],
-        observed: Observed,
-        memory: Memory,
-    ) -> Proposal:
-        """Return the pairs of surfaces that a node takes for one.
+    def proposals(
+        self, concept: str, nodes: Sequence[ConceptNode], observed: Observed
+    ) -> list[Proposal]:
+        """Return the pairs of surfaces that each node of a concept takes for one.
 
-        Args are those of :meth:`make`. Raises ConceptError if the factor function fails.
+        Raises:
+            ConceptError: the factor function fails.
         """
-        context = factor_context(concept, node, nodes, self._keys, observed, memory)
-        return Proposal(
-            concept, node.id, made_by(self._makers[concept], concept, node, context).same
+        make, memory = self._makers[concept], Memory()
+        contexts = (
+            factor_context(concept, node, nodes, self._keys, observed, memory) for node in nodes
         )
+        return [
+            Proposal(concept, node.id, made_by(make, concept, node, context).same)
+            for node, context in zip(nodes, contexts, strict=True)
+        ]
 
 
 def _planes(context: FactorContext) -> dict[int, FloatArray]:

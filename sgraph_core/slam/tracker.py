@@ -503,13 +503,13 @@ class ConceptTracker:
 
     def _proposals(self) -> list[Proposal]:
         """Return the pairs that all nodes take for one, as the map is now."""
-        observed, proposals = self._observed.all, list[Proposal]()
-        for name in self._makers.concepts:
-            nodes, memory = list(self._nodes[name].by_id.values()), Memory()
-            proposals += [
-                self._makers.proposed(name, node, nodes, observed, memory) for node in nodes
-            ]
-        return proposals
+        return [
+            proposal
+            for name in self._makers.concepts
+            for proposal in self._makers.proposals(
+                name, list(self._nodes[name].by_id.values()), self._observed.all
+            )
+        ]
 
     def _ordered(self, ids: Sequence[int]) -> SurfaceArrays:
         """Return surfaces as they are now."""
