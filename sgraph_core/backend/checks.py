@@ -3,14 +3,45 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import NoReturn
 
 import gtsam
 import numpy as np
 
-from sgraph_concepts.errors import ConceptError, one_line
+from sgraph_concepts.errors import ConceptError, one_line, shorten
 from sgraph_concepts.types import FactorResult, FloatArray
+from sgraph_core.tables import is_id
 
-__all__ = ["check_factors"]
+__all__ = ["check_factors", "check_result"]
+
+
+def check_result(what: str, result: FactorResult) -> None:
+    """Check that a factor function returned lists of what they should hold.
+
+    Args:
+        what: named in the error.
+        result: what it returned.
+
+    Raises:
+        ConceptError: something is no sequence, no key with its value, or no pair of surfaces.
+    """
+
+    def refuse(field: str, value: object, rule: str) -> NoReturn:
+        raise ConceptError(f"{what}: {field} = {shorten(value, repr)}: {rule}")
+
+    for field in ("factors", "values", "same"):
+        if not isinstance(getattr(result, field), Sequence):
+            refuse(field, getattr(result, field), "must be a sequence")
+    for k, item in enumerate(result.values):
+        if not (_is_pair(item) and isinstance(item[0], int)):
+            refuse(f"values[{k}]", item, "must be a key and its value")
+    for k, pair in enumerate(result.same):
+        if not (_is_pair(pair) and all(map(is_id, pair)) and pair[0] != pair[1]):
+            refuse(f"same[{k}]", pair, "must be the ids of two surfaces")
+
+
+def _is_pair(value: object) -> bool:
+    return isinstance(value, tuple | list) and len(value) == 2
 
 
 def check_factors(
@@ -41,10 +72,10 @@ def check_factors(
         try:
             own.insert(key, value)
         except TypeError as error:
-            raise ConceptError(f"{what}: {value!r} is no value for gtsam") from error
+            raise ConceptError(f"{what}: {shorten(value, repr)} is no value for gtsam") from error
     for factor in result.factors:
         if not isinstance(factor, gtsam.NonlinearFactor):
-            raise ConceptError(f"{what}: {factor!r} is no gtsam factor")
+            raise ConceptError(f"{what}: {shorten(factor, repr)} is no gtsam factor")
         _check(what, factor, own, planes)
 
 
@@ -81,9 +112,9 @@ def _check_noise(what: str, factor: gtsam.NonlinearFactor) -> None:
     model = factor.noiseModel()
     while isinstance(model, gtsam.noiseModel.Robust):
         model = model.noise()
-    definite = True
     if model is None:
         raise ConceptError(f"{what}: it has no noise model")
+    definite = True
     if isinstance(model, gtsam.noiseModel.Diagonal):
         definite = all(0 < sigma < np.inf for sigma in model.sigmas().tolist())
     elif isinstance(model, gtsam.noiseModel.Gaussian):

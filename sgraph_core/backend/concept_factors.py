@@ -20,7 +20,7 @@ from sgraph_concepts.types import (
     Memory,
 )
 from sgraph_core.backend.association import TIE_SIGMAS, Proposal, Same, associate
-from sgraph_core.backend.checks import check_factors
+from sgraph_core.backend.checks import check_factors, check_result
 from sgraph_core.backend.coincidence import coincidence
 from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.low_layers import vertical_planes, world_planes
@@ -29,7 +29,6 @@ from sgraph_core.backend.ties import TieNoise, tie_planes
 from sgraph_core.concepts import installed
 from sgraph_core.graph import SGraph
 from sgraph_core.nodes import check_nodes
-from sgraph_core.tables import is_id
 
 __all__ = [
     "ConceptFactors",
@@ -313,18 +312,5 @@ def made_by(
         raise ConceptError(f"factor of {concept} {node.id} fails: {one_line(error)}") from error
     if not isinstance(result, FactorResult):
         raise ConceptError(f"factor of concept {concept!r} must return a FactorResult")
-    for name in ("factors", "values", "same"):
-        value = getattr(result, name)
-        if not isinstance(value, Sequence):
-            what = f"factor of {concept} {node.id}: {name} = {value!r}"
-            raise ConceptError(f"{what}: must be a sequence")
-    for k, item in enumerate(result.values):
-        if not (isinstance(item, tuple | list) and len(item) == 2 and isinstance(item[0], int)):
-            what = f"factor of {concept} {node.id}: values[{k}] = {item!r}"
-            raise ConceptError(f"{what}: must be a key and its value")
-    for k, pair in enumerate(result.same):
-        ids = isinstance(pair, tuple | list) and all(map(is_id, pair))
-        if not ids or len(pair) != 2 or pair[0] == pair[1]:
-            what = f"factor of {concept} {node.id}: same[{k}] = {pair!r}"
-            raise ConceptError(f"{what}: must be the ids of two surfaces")
+    check_result(f"factor of {concept} {node.id}", result)
     return result
