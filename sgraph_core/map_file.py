@@ -25,7 +25,7 @@ from sgraph_core.map_schema import (
     PinsRecord,
     TruthRecord,
 )
-from sgraph_core.nodes import check_links, check_nodes, node_record
+from sgraph_core.nodes import check_links, checked_records
 from sgraph_core.pins import check_pins
 from sgraph_core.structure import REQUIRED, refuse_lone_surrogates, structured
 from sgraph_core.tables import LARGEST_ID, RowError, RuleError
@@ -252,7 +252,6 @@ def dump(graph: SGraph) -> str:
     Raises:
         InputError: a node breaks the map file's rules.
     """
-    check_nodes(graph.concepts, set(graph.wall_surfaces.ids.tolist()))
     lines = []
     for key, value in _document(graph).items():
         if isinstance(value, list) and value:
@@ -287,10 +286,8 @@ def _document(graph: SGraph) -> dict[str, Any]:
         document["odometry"] = list(_odometry_records(graph))
     document["wall_surfaces"] = list(_surface_records(graph))
     if graph.concepts:
-        document["concepts"] = {
-            concept: [node_record(node) for node in nodes]
-            for concept, nodes in graph.concepts.items()
-        }
+        surfaces = set(graph.wall_surfaces.ids.tolist())
+        document["concepts"] = checked_records(graph.concepts, surfaces)
     if graph.pins is not None:
         document["pins"] = _without_empty(
             same_room=[list(pair) for pair in graph.pins.same_room],

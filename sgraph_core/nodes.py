@@ -22,7 +22,14 @@ from sgraph_core.structure import (
 )
 from sgraph_core.tables import ID_RULE, LARGEST_ID, RuleError
 
-__all__ = ["check_links", "check_nodes", "keep_identity", "node_record", "persisting"]
+__all__ = [
+    "check_links",
+    "check_nodes",
+    "checked_records",
+    "keep_identity",
+    "node_record",
+    "persisting",
+]
 
 PAIR_CONCEPTS = {"wall"}
 """Concepts whose nodes have exactly two members by the map file's definition."""
@@ -51,6 +58,13 @@ def check_nodes(concepts: Mapping[str, Sequence[ConceptNode]], surfaces: Collect
     Raises:
         RuleError: a node breaks a rule, so that a map file could not be read with it.
     """
+    checked_records(concepts, surfaces)
+
+
+def checked_records(
+    concepts: Mapping[str, Sequence[ConceptNode]], surfaces: Collection[int]
+) -> dict[str, list[dict[str, Any]]]:
+    """Return the nodes as the map file's JSON holds them; see :func:`check_nodes`."""
     records = {
         concept: [_record(("concepts", concept, k), node) for k, node in enumerate(nodes)]
         for concept, nodes in concepts.items()
@@ -61,6 +75,7 @@ def check_nodes(concepts: Mapping[str, Sequence[ConceptNode]], surfaces: Collect
     except StructureError as error:
         raise _of_field(error, records) from error
     check_links(concepts, surfaces)
+    return records
 
 
 def check_links(concepts: Mapping[str, Sequence[ConceptNode]], surfaces: Collection[int]) -> None:
