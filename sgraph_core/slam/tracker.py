@@ -495,10 +495,9 @@ class ConceptTracker:
                 wanted.pop(node.id, None)
             memory = Memory()
             for node in after if self._unmade else sorted(wanted.values(), key=lambda n: n.id):
+                is_off = (name, frozenset(node.members)) in off
                 result = self._makers.make(name, node, after, observed, memory)
-                if (name, frozenset(node.members)) in off:
-                    result = FactorResult(same=result.same)
-                made.append(((name, node.id), result))
+                made.append(((name, node.id), FactorResult() if is_off else result))
         return gone, made
 
     def _proposals(self) -> list[Proposal]:
