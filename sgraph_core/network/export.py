@@ -6,6 +6,7 @@ import hashlib
 import logging
 import warnings
 from pathlib import Path
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -96,6 +97,7 @@ def _export(
             input_names=["x", "edge_index", "edge_attr"],
             output_names=outputs,
             dynamic_shapes={"x": {0: rows}, "edge_index": {1: columns}, "edge_attr": {0: columns}},
+            custom_translation_table={torch.ops.aten.scatter_reduce.two: _largest_of_rows},
             dynamo=True,
             verbose=False,
         )
@@ -108,3 +110,23 @@ def _export(
         del node.metadata_props[:]  # stack traces with this machine's paths
     onnx.helper.set_model_props(model, {"encoder": ENCODER_VERSION, **metadata})
     write_whole(path, lambda temporary: temporary.write_bytes(model.SerializeToString()))
+
+
+def _largest_of_rows(
+    x: Any, dim: int, index: Any, source: Any, reduce: str, include_self: bool = True
+) -> Any:
+    """Return the largest of the source's rows that go to each row of x, and x where none does.
+
+    What torch-geometric aggregates by. Its index is one number a row, repeated along the row. The
+    exporter would hand all of them to two ScatterElements, which take most of an encoder's time:
+    ScatterND takes whole rows.
+    """
+    from onnxscript import opset18
+
+    op: Any = opset18  # its types know constants of its own kind only
+    if (dim, reduce, include_self) != (0, "amax", False):
+        raise NotImplementedError(f"scatter_reduce by {reduce} along {dim}")
+    rows = op.Slice(op.Flatten(index, axis=1), [0], [1], [1])
+    least = op.Expand(op.Constant(value_float=float("-inf")), op.Shape(x))
+    largest = op.ScatterND(least, rows, source, reduction="max")
+    return op.Where(op.IsInf(largest), x, largest)
