@@ -44,17 +44,20 @@ def multicut(count: int, pairs: IntArray, weights: FloatArray) -> list[list[int]
     """
     parts = _parts(count, pairs[weights > 0])
     inside = parts[pairs[:, 0]] == parts[pairs[:, 1]]  # no contraction joins two parts
-    disputed = np.isin(parts, parts[pairs[inside & (weights < 0), 0]])  # the others stay whole
-    inside &= disputed[pairs[:, 0]]
-    neighbours: list[dict[int, float]] = [{} for _ in range(count)]
-    for (one, two), weight in zip(pairs[inside].tolist(), weights[inside].tolist(), strict=True):
+    in_dispute = np.isin(parts, parts[pairs[inside & (weights < 0), 0]])  # the others stay whole
+    disputed = np.flatnonzero(in_dispute)
+    inside &= in_dispute[pairs[:, 0]]
+    neighbours: list[dict[int, float]] = [{} for _ in disputed]
+    local = np.searchsorted(disputed, pairs[inside])
+    for (one, two), weight in zip(local.tolist(), weights[inside].tolist(), strict=True):
         neighbours[one][two] = neighbours[two][one] = weight
     owner = _contracted(neighbours)
     _move(owner, neighbours)
+    parts[disputed] = count + np.array(owner, np.int64)
     members: dict[int, list[int]] = defaultdict(list)
-    for number, one in enumerate(np.where(disputed, owner, parts).tolist()):
+    for number, one in enumerate(parts.tolist()):
         members[one].append(number)
-    return sorted(members.values())
+    return list(members.values())
 
 
 def _contracted(neighbours: list[dict[int, float]]) -> list[int]:
@@ -90,17 +93,17 @@ def _urgency(weight: float, added_up: int) -> float:
 
 
 def _parts(count: int, pairs: IntArray) -> IntArray:
-    """Return a number for each of the numbers, equal for those that pairs link, directly or not."""
-    above = list(range(count))
-
-    def top(number: int) -> int:
-        while above[number] != number:
-            above[number] = number = above[above[number]]
-        return number
-
-    for one, two in pairs.tolist():
-        above[top(one)] = top(two)
-    return np.array([top(number) for number in range(count)], np.int64)
+    """Return for each number the smallest one that pairs link it to, directly or not."""
+    one, two = pairs.T
+    parts = np.arange(count)
+    while True:
+        smaller = parts.copy()
+        np.minimum.at(smaller, parts[one], parts[two])
+        np.minimum.at(smaller, parts[two], parts[one])
+        smaller = smaller[smaller]  # a part that joined another follows it at once
+        if (smaller == parts).all():
+            return parts
+        parts = smaller
 
 
 def _contract(

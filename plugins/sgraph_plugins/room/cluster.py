@@ -102,13 +102,13 @@ def _absorb(
         owner[group] = number
     best: dict[int, tuple[float, int]] = {}
     group_of = {member: k for k, group in enumerate(small) for member in group}
-    likely = relation.logits > ABSORB_LOGIT
-    pairs, logits = relation.pairs[likely].tolist(), relation.logits[likely].tolist()
-    for (one, two), logit in zip(pairs, logits, strict=True):
-        for stray, other in ((one, two), (two, one)):
-            if owner[stray] < 0 <= owner[other] and _faces(surfaces, stray, large[owner[other]]):
-                offer = (logit, -int(owner[other]))
-                best[group_of[stray]] = max(best.get(group_of[stray], offer), offer)
+    pairs = np.concatenate([relation.pairs, relation.pairs[:, ::-1]])
+    logits = np.tile(relation.logits, 2)
+    offered = (logits > ABSORB_LOGIT) & (owner[pairs[:, 0]] < 0) & (owner[pairs[:, 1]] >= 0)
+    for (stray, other), logit in zip(pairs[offered].tolist(), logits[offered].tolist(), strict=True):
+        if _faces(surfaces, stray, large[owner[other]]):
+            offer = (logit, -int(owner[other]))
+            best[group_of[stray]] = max(best.get(group_of[stray], offer), offer)
     joined = [list(group) for group in large]
     for number, (_, joins) in best.items():
         joined[-joins] += small[number]
