@@ -201,13 +201,10 @@ class Inference:
         if groups_surfaces:
             self.relations[concept.spec.name] = self.calibrated(concept, edges)
             self.clusters[concept.spec.name] = clusters
+        sure = self.confidences(concept, list(clusters.values()), list(map(len, clusters)))
         found = [
-            ConceptNode(
-                0,
-                tuple(sorted(members)),
-                confidence=self.confidence(concept, cluster, len(members)),
-            )
-            for members, cluster in clusters.items()
+            ConceptNode(0, tuple(sorted(members)), confidence=confidence)
+            for members, confidence in zip(clusters, sure, strict=True)
         ]
         nodes = identified(found)
         rows = {
@@ -244,12 +241,16 @@ class Inference:
             return edges
         return replace(edges, intercept=head.intercept, slope=head.slope)
 
-    def confidence(self, concept: RegisteredConcept, cluster: Cluster, members: int) -> float:
-        """Return how sure a node with this many members is, given the cluster it comes from."""
+    def confidences(
+        self, concept: RegisteredConcept, clusters: Sequence[Cluster], members: Sequence[int]
+    ) -> list[float]:
+        """Return how sure nodes are with so many members, given the cluster each comes from."""
+        sure = np.array([cluster.confidence for cluster in clusters])
         spec, other_clusterers = concept.spec.confidence, self._detector.clusterers
-        if spec is None or not self._may_calibrate or concept.spec.name in other_clusterers:
-            return cluster.confidence
-        return probability_right(spec, cluster.confidence, members)
+        if spec is not None and self._may_calibrate and concept.spec.name not in other_clusterers:
+            sure = probability_right(spec, sure, np.array(members, np.int64))
+        result: list[float] = sure.tolist()
+        return result
 
     def members_of(self, concept: RegisteredConcept, rows: IntArray) -> list[frozenset[int]]:
         """Return the members of the nodes that a cluster of these rows gives.

@@ -51,8 +51,10 @@ def evidence(confidences: FloatArray, members: IntArray) -> FloatArray:
     return np.stack([np.ones(len(sure)), np.log(sure / (1 - sure)), np.log(members)], axis=1)
 
 
-def probability_right(spec: ConfidenceSpec, confidence: float, members: int) -> float:
-    """Return the probability that a node is right, from its clusterer's confidence and its size."""
-    terms = evidence(np.array([confidence]), np.array([members]))
+def probability_right(
+    spec: ConfidenceSpec, confidences: FloatArray, members: IntArray
+) -> FloatArray:
+    """Return how probably K nodes are right, [K], from the same as :func:`evidence`."""
+    terms = evidence(confidences, members)
     log_odds = terms @ [spec.intercept, spec.slope, spec.members]
-    return float(0.5 * (1 + np.tanh(0.5 * log_odds[0])))
+    return np.asarray(0.5 * (1 + np.tanh(0.5 * log_odds)))

@@ -1,11 +1,8 @@
 """The clusters of one concept, kept up to date: only what changed scores can reach is cut anew.
 
-Fragments that are joined by pairs more likely related than not, directly or over others, form a
-*component*, and so do all fragments of surfaces that are pinned together. What a clusterer decides
-about a component depends on its scores and, where left-over fragments join a neighbour, on the
-components next to it; surfaces that are pinned apart count as next to each other. So the components
-with changed scores or pins and those next to them are decided anew, in a scene that also holds all
-that is next to these.
+What a clusterer decides about a component depends on its scores and, where left-over fragments join
+a neighbour, on the components next to it. So the components with changed scores or pins and those
+next to them are decided anew, in a scene that also holds all that is next to these.
 """
 
 from __future__ import annotations
@@ -19,6 +16,7 @@ from sgraph_concepts.registry import RegisteredConcept
 from sgraph_concepts.types import Cluster, IntArray, ScoredEdges
 from sgraph_core.detector import Detector, Inference
 from sgraph_core.pins import PINNED_CONCEPT
+from sgraph_core.slam.components import Components
 from sgraph_core.slam.fragments import Changed, LiveFragments
 from sgraph_core.slam.pairs import LivePairs
 from sgraph_core.slam.pins import NO_PINS, PairPins
@@ -89,16 +87,19 @@ class LiveClusters:
         if self._is_pinned:
             touched = np.union1d(touched, changed.repinned)
         orphans = np.setdiff1d(self._mates(removed), removed)
-        core = self._components(np.union1d(touched, orphans))
-        inner = self._whole(self._next_to(core))
+        core = Components(self._column, self._fragments, self._pairs, self._pins)
+        core.add(np.union1d(touched, orphans))
+        decided = core.with_next()
+        self._complete(decided, decided.rows)
         while True:
-            context = self._components(self._next_to(inner))
+            inner, context = decided.rows, decided.with_next().rows
             new = self._cluster(context, inner)
-            held = rows_where(*(rows_of(found.rows) for found in new), inner)
-            if len(held) == len(inner):
+            held = rows_where(*(rows_of(found.rows) for found in new))
+            added = decided.add(held)
+            if not len(added):
                 old = self._holding(np.union1d(inner, removed))
                 return self._replace(old.difference(new), set(new) - old), len(context)
-            inner = self._whole(held)
+            self._complete(decided, added)
 
     def confidence(self, members: Members) -> float | None:
         """Return how sure the node of these members is, None if there is none."""
@@ -127,71 +128,60 @@ class LiveClusters:
         """Return the fragments in clusters that hold any of some fragments."""
         return rows_of({row for found in self._holding(rows) for row in found.rows})
 
-    def _whole(self, rows: IntArray) -> IntArray:
-        """Return fragments with all of their components, and of the clusters that these are in."""
-        while True:
-            wider = self._components(rows)
-            wider = np.union1d(wider, self._mates(wider))
-            wider = wider[self._fragments.fragments["alive"][wider]]
-            if len(wider) == len(rows):
-                return np.asarray(wider)
-            rows = wider
+    def _complete(self, components: Components, added: IntArray) -> None:
+        """Add the clusters that added fragments are in, and the components of these."""
+        while len(added):
+            mates = self._mates(added)
+            added = components.add(mates[self._fragments.fragments["alive"][mates]])
 
     @property
     def _pins(self) -> PairPins:
         return self._fragments.pins if self._is_pinned else NO_PINS
-
-    def _next_to(self, rows: IntArray) -> IntArray:
-        apart = self._fragments.of_parents(self._pins.apart(self._parents(rows)))
-        return np.union1d(self._pairs.neighbours(rows), apart)
-
-    def _parents(self, rows: IntArray) -> set[int]:
-        """Return the surfaces of fragments, for what is pinned about them."""
-        return set(self._fragments.fragments["parent"][rows].tolist()) if self._pins else set()
-
-    def _components(self, rows: IntArray) -> IntArray:
-        whole = latest = rows
-        while len(latest):
-            pairs = self._pairs.related(latest)
-            likely = self._pairs.pairs["logits"][pairs, self._column] > 0
-            ends = self._pairs.pairs["ends"][pairs[likely]]
-            pinned = self._fragments.of_parents(self._pins.together(self._parents(latest)))
-            wider = rows_where(whole, ends.ravel(), pinned)
-            latest = np.setdiff1d(wider, whole, assume_unique=True)
-            whole = wider
-        return whole
 
     def _cluster(self, rows: IntArray, inner: IntArray) -> list[_Found]:
         """Cluster fragments, and return what holds some of the inner ones."""
         rows = self._fragments.in_order(rows)
         scene, pairs = self._pairs.scene(rows)
         edges = ScoredEdges(scene.pairs, self._pairs.pairs["logits"][pairs, self._column])
-        pins = self._pins.among(self._parents(rows))
+        parents = self._fragments.fragments["parent"][rows] if self._pins else ()
+        pins = self._pins.among(set(parents))
         inference = Inference(self._detector, self._fragments.take(rows), scene, pins)
         known = {found.rows: found for found in self._holding(inner)}
         counts = set(inner.tolist())
-        result = []
+        result, others = [], {}
         for cluster in inference.cluster(self._concept, edges, scene):
             whole = frozenset(rows[list(cluster.members)].tolist())
             if counts.isdisjoint(whole):
                 continue
             before = known.get(whole)
             if before is None or self._differs(before, cluster):
-                before = self._found(inference, cluster, whole)
-            result.append(before)
-        return result
+                others[whole] = cluster
+            else:
+                result.append(before)
+        return result + self._found(inference, others)
 
     def _differs(self, found: _Found, cluster: Cluster) -> bool:
         stand_for_others = not self._repeated.isdisjoint(found.rows)
         return stand_for_others or abs(found.sure - cluster.confidence) > SAME_SURE
 
-    def _found(self, inference: Inference, cluster: Cluster, rows: frozenset[int]) -> _Found:
-        local = np.array(cluster.members, np.int64)
-        nodes = {
-            members: inference.confidence(self._concept, cluster, len(members))
-            for members in inference.members_of(self._concept, local)
-        }
-        return _Found(rows, cluster.confidence, nodes)
+    def _found(
+        self, inference: Inference, clusters: Mapping[frozenset[int], Cluster]
+    ) -> list[_Found]:
+        """Return clusters with the nodes that they give, from the fragments of each."""
+        given = [
+            (rows, members)
+            for rows, cluster in clusters.items()
+            for members in inference.members_of(self._concept, np.array(cluster.members, np.int64))
+        ]
+        sure = inference.confidences(
+            self._concept,
+            [clusters[rows] for rows, _ in given],
+            [len(members) for _, members in given],
+        )
+        nodes: dict[frozenset[int], dict[Members, float]] = {rows: {} for rows in clusters}
+        for (rows, members), confidence in zip(given, sure, strict=True):
+            nodes[rows][members] = confidence
+        return [_Found(rows, cluster.confidence, nodes[rows]) for rows, cluster in clusters.items()]
 
     def _replace(self, old: set[_Found], new: set[_Found]) -> set[Members]:
         concerned: set[Members] = set()

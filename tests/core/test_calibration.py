@@ -161,10 +161,15 @@ def test_calibrations_of_floors_add_up() -> None:
 # -- confidence of nodes ---------------------------------------------------------------------------
 
 
+def chance(spec: ConfidenceSpec, confidence: float, members: int) -> float:
+    (one,) = probability_right(spec, np.array([confidence]), np.array([members]))
+    return float(one)
+
+
 @given(st.floats(0.001, 0.999), st.integers(1, 100))
 def test_neutral_constants_leave_a_confidence_as_it_is(confidence: float, members: int) -> None:
     neutral = ConfidenceSpec(intercept=0.0, slope=1.0, members=0.0)
-    assert probability_right(neutral, confidence, members) == pytest.approx(confidence)
+    assert chance(neutral, confidence, members) == pytest.approx(confidence)
 
 
 @given(st.floats(0, 1), st.floats(-10, 10), st.floats(-10, 10), st.floats(-10, 10))
@@ -172,7 +177,7 @@ def test_whatever_the_constants_it_is_a_probability(
     confidence: float, intercept: float, slope: float, members: float
 ) -> None:
     spec = ConfidenceSpec(intercept=intercept, slope=slope, members=members)
-    assert 0 <= probability_right(spec, confidence, 7) <= 1
+    assert 0 <= chance(spec, confidence, 7) <= 1
 
 
 def drawn(spec: ConfidenceSpec, members: tuple[int, ...]) -> list[Judged]:
@@ -181,7 +186,7 @@ def drawn(spec: ConfidenceSpec, members: tuple[int, ...]) -> list[Judged]:
     nodes = []
     for number in range(5000):
         confidence, size = float(rng.uniform(0.05, 0.95)), int(rng.choice(members))
-        right = rng.random() < probability_right(spec, confidence, size)
+        right = rng.random() < chance(spec, confidence, size)
         nodes.append(
             Judged(ConceptNode(number, tuple(range(size)), None, confidence=confidence), right)
         )
@@ -201,14 +206,14 @@ def test_the_fit_makes_confidences_calibrated() -> None:
     assert nodes_calibration({"wall": nodes}).nodes["wall"].error > 0.1
     fitted = fit_confidence(nodes)
     assert fitted.members == 0
-    chances = [probability_right(fitted, one.node.confidence or 0, 2) for one in nodes]
+    chances = [chance(fitted, one.node.confidence or 0, 2) for one in nodes]
     assert Reliability.of(chances, [one.right for one in nodes]).error < 0.02
 
 
 def test_nodes_that_are_all_right_give_finite_constants() -> None:
     nodes = [Judged(ConceptNode(k, (1, 2), confidence=0.6 + k / 100), True) for k in range(30)]
     fitted = fit_confidence(nodes)
-    assert 0.9 < probability_right(fitted, 0.75, 2) < 1
+    assert 0.9 < chance(fitted, 0.75, 2) < 1
 
 
 def test_nothing_to_fit_to_is_an_error() -> None:
@@ -225,7 +230,7 @@ def test_confidences_are_calibrated_for_what_is_declared_only(detector: Detector
         assert spec is not None
         for ours, theirs in zip(found[concept], raw[concept], strict=True):
             assert ours.members == theirs.members
-            wanted = probability_right(spec, theirs.confidence or 0, len(ours.members))
+            wanted = chance(spec, theirs.confidence or 0, len(ours.members))
             assert ours.confidence == pytest.approx(wanted)
     for other in ({"scorer": "baseline"}, {"clusterers": {"room": "cycles"}}):
         as_it_is = Detector(**other, calibrated=False).infer(graph)  # type: ignore[arg-type]

@@ -105,7 +105,9 @@ def _absorb(
     pairs = np.concatenate([relation.pairs, relation.pairs[:, ::-1]])
     logits = np.tile(relation.logits, 2)
     offered = (logits > ABSORB_LOGIT) & (owner[pairs[:, 0]] < 0) & (owner[pairs[:, 1]] >= 0)
-    for (stray, other), logit in zip(pairs[offered].tolist(), logits[offered].tolist(), strict=True):
+    for (stray, other), logit in zip(
+        pairs[offered].tolist(), logits[offered].tolist(), strict=True
+    ):
         if _faces(surfaces, stray, large[owner[other]]):
             offer = (logit, -int(owner[other]))
             best[group_of[stray]] = max(best.get(group_of[stray], offer), offer)
