@@ -93,7 +93,6 @@ class LiveInference:
         self._pins = pins
         changed = self._fragments.update(surfaces, pins)
         pairs = self._pairs.update(changed)
-        self._relations.forget(changed.removed.tolist())
         ends = np.union1d(pairs.ends, changed.added)
         supported = self._support.update(changed)
         rescored, rows = self._relations.update(np.union1d(ends, supported))

@@ -44,8 +44,7 @@ class LiveRelations:
         self, detector: Detector, concepts: Sequence[RegisteredConcept], pairs: LivePairs
     ) -> None:
         self._detector, self._concepts, self._pairs = detector, concepts, pairs
-        self._features: dict[int, Vectors] = {}
-        self._embeddings: dict[int, Vectors] = {}
+        self._features, self._embeddings = _Known(), _Known()
 
     def update(self, changed: IntArray) -> tuple[list[IntArray], int]:
         """Score again what depends on changed pairs.
@@ -76,12 +75,6 @@ class LiveRelations:
             touched.append(np.unique(rows[inference.scene.pairs[other]]))
         return touched, len(rows)
 
-    def forget(self, rows: Sequence[int]) -> None:
-        """Drop what is known of fragments that are gone."""
-        for row in rows:
-            self._features.pop(row, None)
-            self._embeddings.pop(row, None)
-
     def _learned(self, concept: RegisteredConcept) -> bool:
         return self._detector.scorer == "network" and concept.spec.head is not None
 
@@ -91,10 +84,10 @@ class LiveRelations:
         """Return embeddings of fragments and of the scored pairs, exact wherever these look."""
         network = self._detector.network
         inputs = network.inputs(scene)
-        _exchange(self._features, rows, inputs["x"], known)
+        self._features.exchange(rows, inputs["x"], known)
         nodes, edges = network.encode(inputs)
         nodes = nodes.copy()  # what ONNX Runtime returns may not be written to
-        _exchange(self._embeddings, rows, nodes, inner)
+        self._embeddings.exchange(rows, nodes, inner)
         return nodes, edges[np.tile(scored, 2)]
 
 
@@ -108,11 +101,23 @@ def taken(scene: Scene, some: Mask) -> Scene:
     )
 
 
-def _exchange(store: dict[int, Vectors], rows: IntArray, vectors: Vectors, exact: IntArray) -> None:
-    """Remember the vectors that are exact, and put in what is remembered of the others."""
-    known = np.isin(rows, exact)
-    for k, row in enumerate(rows.tolist()):
-        if known[k]:
-            store[row] = vectors[k].copy()
-        elif row in store:
-            vectors[k] = store[row]
+class _Known:
+    """The vectors of fragments, by row. Those of a new fragment are exact when it comes."""
+
+    def __init__(self) -> None:
+        self._vectors: Vectors = np.empty((0, 0), np.float32)
+
+    def exchange(self, rows: IntArray, vectors: Vectors, exact: IntArray) -> None:
+        """Remember the vectors that are exact, and put in what is remembered of the others.
+
+        Args:
+            rows: of the fragments, ascending, [N].
+            vectors: theirs, [N, F].
+            exact: rows whose vectors are.
+        """
+        if rows[-1] >= len(self._vectors):
+            more = np.full((int(rows[-1]) + 1, vectors.shape[1]), np.nan, np.float32)
+            self._vectors = np.concatenate([self._vectors.reshape(-1, vectors.shape[1]), more])
+        are = np.isin(rows, exact)
+        self._vectors[rows[are]] = vectors[are]
+        vectors[~are] = self._vectors[rows[~are]]
