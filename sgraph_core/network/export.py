@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import logging
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from sgraph_concepts.errors import MissingExtraError
 from sgraph_core.features import FeatureSet
 from sgraph_core.files import write_whole
 from sgraph_core.network import ENCODER_VERSION
-from sgraph_core.network.model import Encoder, Head
+from sgraph_core.network.model import Encoder, Head, PartEncoder
 from sgraph_core.proximity import Neighbours
 
 __all__ = ["export_encoder", "export_head", "fingerprint"]
@@ -27,7 +28,9 @@ def export_encoder(
     features: FeatureSet = "support",
     neighbours: Neighbours = "visible",
 ) -> None:
-    """Write an encoder as ONNX with inputs x, edge_index, edge_attr and outputs nodes, edges.
+    """Write an encoder as ONNX, with the inputs and outputs of a :class:`PartEncoder`.
+
+    They are named x, edge_index, edge_attr, known, before; nodes, edges.
 
     Args:
         encoder: the encoder.
@@ -38,13 +41,17 @@ def export_encoder(
     Raises:
         MissingExtraError: onnx or onnxscript is not installed.
     """
-    inputs = (torch.zeros(3, len(encoder.node_mean)), torch.zeros(4, len(encoder.edge_mean)))
+    inputs = {
+        **_graph(len(encoder.node_mean), len(encoder.edge_mean)),
+        "known": torch.zeros(3, dtype=torch.bool),
+        "before": torch.zeros(3, len(encoder.layers) * encoder.hidden),
+    }
     metadata = {
         "encoder_fingerprint": fingerprint(encoder),
         "features": features,
         "neighbours": neighbours,
     }
-    _export(encoder, inputs, ["nodes", "edges"], metadata, path)
+    _export(PartEncoder(encoder), inputs, ["nodes", "edges"], metadata, path)
 
 
 def export_head(head: Head, encoder: Encoder, path: Path) -> None:
@@ -58,7 +65,7 @@ def export_head(head: Head, encoder: Encoder, path: Path) -> None:
     Raises:
         MissingExtraError: onnx or onnxscript is not installed.
     """
-    inputs = (torch.zeros(3, encoder.hidden), torch.zeros(4, encoder.hidden))
+    inputs = _graph(encoder.hidden, encoder.hidden)
     _export(head, inputs, ["logits"], {"encoder_fingerprint": fingerprint(encoder)}, path)
 
 
@@ -71,9 +78,18 @@ def fingerprint(encoder: Encoder) -> str:
     return digest.hexdigest()[:16]
 
 
+def _graph(nodes: int, edges: int) -> dict[str, Tensor]:
+    """Return a graph to export with, given how many features its nodes and edges have."""
+    return {
+        "x": torch.zeros(3, nodes),
+        "edge_index": torch.tensor([[0, 1, 1, 2], [1, 0, 2, 1]]),
+        "edge_attr": torch.zeros(4, edges),
+    }
+
+
 def _export(
     module: nn.Module,
-    features: tuple[Tensor, Tensor],
+    inputs: Mapping[str, Tensor],
     outputs: list[str],
     metadata: dict[str, str],
     path: Path,
@@ -83,9 +99,9 @@ def _export(
         import onnxscript  # noqa: F401  (torch.onnx needs it)
     except ImportError as error:
         raise MissingExtraError("onnx with onnxscript", "train") from error
-    x, edge_attr = features
-    edge_index = torch.tensor([[0, 1, 1, 2], [1, 0, 2, 1]])
     rows, columns = torch.export.Dim("nodes", min=2), torch.export.Dim("edges", min=2)
+    shapes = {name: {0: rows} for name in inputs}
+    shapes |= {"edge_index": {1: columns}, "edge_attr": {0: columns}}
     logger = logging.getLogger("torch.onnx")
     level = logger.level
     with warnings.catch_warnings():
@@ -93,10 +109,10 @@ def _export(
         logger.setLevel(logging.ERROR)
         program = torch.onnx.export(
             module.eval(),
-            (x, edge_index, edge_attr),
-            input_names=["x", "edge_index", "edge_attr"],
+            tuple(inputs.values()),
+            input_names=list(inputs),
             output_names=outputs,
-            dynamic_shapes={"x": {0: rows}, "edge_index": {1: columns}, "edge_attr": {0: columns}},
+            dynamic_shapes=shapes,
             custom_translation_table={torch.ops.aten.scatter_reduce.two: _largest_of_rows},
             dynamo=True,
             verbose=False,

@@ -8,7 +8,7 @@ from torch_geometric.nn import GATv2Conv
 
 from sgraph_core.features import EDGE_FEATURES, NODE_FEATURES, FeatureSet
 
-__all__ = ["Encoder", "Head", "initialise", "symmetric"]
+__all__ = ["Encoder", "Head", "PartEncoder", "initialise", "symmetric"]
 
 
 class EncoderLayer(nn.Module):
@@ -83,11 +83,49 @@ class Encoder(nn.Module):
             edge_index: j in row 0, i in row 1, [2, 2E].
             edge_attr: edge features, [2E, len(EDGE_FEATURES[features])].
         """
-        x = (x - self.node_mean) / self.node_scale
-        edge_attr = (edge_attr - self.edge_mean) / self.edge_scale
+        x, edge_attr = self.normalised(x, edge_attr)
         for layer in self.layers:
             x, edge_attr = layer(x, edge_index, edge_attr)
         return x, edge_attr
+
+    def normalised(self, x: Tensor, edge_attr: Tensor) -> tuple[Tensor, Tensor]:
+        """Return features of nodes and edges as the first layer wants them."""
+        return (x - self.node_mean) / self.node_scale, (
+            edge_attr - self.edge_mean
+        ) / self.edge_scale
+
+
+class PartEncoder(nn.Module):
+    """An encoder for a part of a scene, around which embeddings are known.
+
+    Args:
+        encoder: whose layers are applied.
+    """
+
+    def __init__(self, encoder: Encoder) -> None:
+        super().__init__()
+        self.encoder = encoder
+
+    def forward(
+        self, x: Tensor, edge_index: Tensor, edge_attr: Tensor, known: Tensor, before: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        """Return node embeddings after each layer [N, layers * hidden], and edge embeddings.
+
+        Args:
+            x: as the encoder takes it, like
+            edge_index: and
+            edge_attr: of the part.
+            known: which nodes' embeddings are known, as they lack neighbours in this part, [N].
+            before: theirs after each layer, [N, layers * hidden]; the others' are not looked at.
+        """
+        x, edge_attr = self.encoder.normalised(x, edge_attr)
+        after = []
+        before_each = torch.split(before, self.encoder.hidden, dim=1)
+        for layer, theirs in zip(self.encoder.layers, before_each, strict=True):
+            x, edge_attr = layer(x, edge_index, edge_attr)
+            x = torch.where(known[:, None], theirs, x)
+            after.append(x)
+        return torch.cat(after, dim=1), edge_attr
 
 
 class Head(nn.Module):

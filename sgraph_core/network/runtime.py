@@ -27,10 +27,13 @@ from sgraph_core.proximity import Neighbours
 
 __all__ = ["Inputs", "Network"]
 
-INPUTS = ("x", "edge_index", "edge_attr")
+GRAPH = ("x", "edge_index", "edge_attr")
 """Names of the inputs of encoder and heads."""
+PART = ("known", "before")
+"""Names of the encoder's further inputs: see :meth:`Network.encode_part`."""
 Inputs = dict[str, NDArray[Any]]
 """Of the encoder: x [N, F_v], edge_index [2, 2E], edge_attr [2E, F_e]."""
+Vectors = NDArray[np.float32]
 
 
 class Network:
@@ -41,6 +44,8 @@ class Network:
     Attributes:
         features: what the encoder is given of nodes and edges.
         neighbours: the pairs that it is given.
+        layers: how many message-passing layers it has.
+        hidden: width H of the embeddings.
 
     Args:
         folder: where ``encoder.onnx`` and a head per concept are, as ``sgraph train`` writes them;
@@ -53,17 +58,20 @@ class Network:
 
     features: FeatureSet
     neighbours: Neighbours
+    layers: int
+    hidden: int
 
     def __init__(self, folder: Path | None = None, threads: int = 1) -> None:
         self._folder, self._threads = folder, threads
         shipped = importlib.resources.files("sgraph_core") / "weights"
         file = (folder or shipped) / "encoder.onnx"
-        self._encoder, metadata = self._open(file, ["nodes", "edges"])
+        self._encoder, metadata = self._open(file, (*GRAPH, *PART), ("nodes", "edges"))
         self.features = _stored(metadata, "features", get_args(FeatureSet), file)
         self.neighbours = _stored(metadata, "neighbours", get_args(Neighbours), file)
         nodes, edges = NODE_FEATURES[self.features], EDGE_FEATURES[self.features]
         _check_widths(self._encoder, len(nodes), len(edges), file)
-        self._hidden = self._encoder.get_outputs()[0].shape[1]
+        after, self.hidden = (tensor.shape[1] for tensor in self._encoder.get_outputs())
+        self.layers = after // self.hidden
         self._fingerprint = metadata.get("encoder_fingerprint", "")
         self._heads: dict[str, Any] = {}
 
@@ -75,16 +83,35 @@ class Network:
             "edge_attr": edge_features(scene, self.features),
         }
 
-    def encode(self, inputs: Inputs) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def encode(self, inputs: Inputs) -> tuple[Vectors, Vectors]:
         """Return node embeddings [N, H] and edge embeddings [2E, H] of a scene with pairs."""
-        nodes, edges = self._encoder.run(None, inputs)
+        total = len(inputs["x"])
+        nothing = np.zeros((total, self.layers * self.hidden), np.float32)
+        nodes, edges = self.encode_part(inputs, np.zeros(total, bool), nothing)
+        return self.last(nodes), edges
+
+    def encode_part(
+        self, inputs: Inputs, known: NDArray[np.bool_], before: Vectors
+    ) -> tuple[Vectors, Vectors]:
+        """Return node embeddings after each layer [N, layers * H] and edge embeddings [2E, H].
+
+        Args:
+            inputs: of a part of a scene, with pairs.
+            known: nodes whose embeddings are known, as they lack neighbours in this part, [N].
+            before: what this returned for them, [N, layers * H]; the others' are not looked at.
+        """
+        nodes, edges = self._encoder.run(None, {**inputs, "known": known, "before": before})
         return nodes, edges
+
+    def last(self, nodes: Vectors) -> Vectors:
+        """Return the embeddings after the last of all layers, [N, H]."""
+        return np.ascontiguousarray(nodes[:, -self.hidden :])
 
     def score(
         self,
         concept: RegisteredConcept,
         scene: Scene,
-        embeddings: tuple[NDArray[np.float32], NDArray[np.float32]],
+        embeddings: tuple[Vectors, Vectors],
     ) -> ScoredEdges:
         """Return the relation of one concept, from what :meth:`encode` returned for the scene.
 
@@ -107,18 +134,20 @@ class Network:
             file = concept.weights_file()
         else:
             file = self._folder / f"{concept.spec.name}.onnx"
-        session, metadata = self._open(file, ["logits"])
+        session, metadata = self._open(file, GRAPH, ("logits",))
         if metadata.get("encoder_fingerprint") != self._fingerprint:
             raise WeightsError(
                 f"{file.name} of concept {concept.spec.name!r} was trained on other encoder "
                 f"weights than the installed ones: train it again with "
                 f"'sgraph train --concept {concept.spec.name}'"
             )
-        _check_widths(session, self._hidden, self._hidden, file)
+        _check_widths(session, self.hidden, self.hidden, file)
         return session
 
-    def _open(self, file: Traversable, outputs: Sequence[str]) -> tuple[Any, dict[str, str]]:
-        """Return a model that gives these outputs, and its metadata."""
+    def _open(
+        self, file: Traversable, inputs: Sequence[str], outputs: Sequence[str]
+    ) -> tuple[Any, dict[str, str]]:
+        """Return a model that takes these inputs and gives these outputs, and its metadata."""
         import onnxruntime
 
         try:
@@ -144,10 +173,10 @@ class Network:
             )
         taken = [tensor.name for tensor in session.get_inputs()]
         given = [tensor.name for tensor in session.get_outputs()]
-        if set(taken) != set(INPUTS) or given != outputs:
+        if set(taken) != set(inputs) or given != list(outputs):
             raise WeightsError(
                 f"{file}: takes {', '.join(taken)} and gives {', '.join(given)}, "
-                f"but must take {', '.join(INPUTS)} and give {', '.join(outputs)}"
+                f"but must take {', '.join(inputs)} and give {', '.join(outputs)}"
             )
         return session, metadata
 

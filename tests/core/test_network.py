@@ -111,6 +111,30 @@ def test_shipped_weights_are_small() -> None:
     assert sum(len(file.read_bytes()) for file in files) < 2_000_000
 
 
+def test_a_part_is_encoded_like_the_whole_where_it_has_all_neighbours(
+    exported: tuple[Encoder, Head, Path],
+) -> None:
+    network = Network(exported[2])
+    inputs = network.inputs(scene_of(SCENES[0]))
+    total = len(inputs["x"])
+    nothing = np.zeros((total, network.layers * network.hidden), np.float32)
+    whole, edges = network.encode_part(inputs, np.zeros(total, bool), nothing)
+    j, i = inputs["edge_index"]
+    inner = np.arange(total) == 2
+    kept = inner[i] | inner[j]
+    assert not kept.all()
+    part = {
+        "x": inputs["x"],
+        "edge_index": inputs["edge_index"][:, kept],
+        "edge_attr": inputs["edge_attr"][kept],
+    }
+    before = np.where(inner[:, None], np.nan, whole).astype(np.float32)
+    nodes, some = network.encode_part(part, ~inner, before)
+    assert nodes == pytest.approx(whole, abs=1e-5)
+    assert some == pytest.approx(edges[kept], abs=1e-5)
+    assert network.last(nodes) == pytest.approx(network.encode(inputs)[0], abs=1e-5)
+
+
 def test_rows_are_aggregated_whole() -> None:
     """Element by element, aggregation would take most of the encoder's time."""
     weights = importlib.resources.files("sgraph_core") / "weights"
