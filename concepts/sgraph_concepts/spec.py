@@ -122,6 +122,11 @@ class ConceptSpec(_Frozen):
         "A surface that was mapped twice then joins its node together with its copy; otherwise "
         "the copy gives nodes of its own.",
     )
+    local: bool = Field(
+        default=False,
+        description="Whether the clusterer decides about surfaces apart from all that no chain of "
+        "pairs more likely related than not links them to.",
+    )
 
     @model_validator(mode="after")
     def _check_scorers(self) -> ConceptSpec:

@@ -2,7 +2,8 @@
 
 What a clusterer decides about a component depends on its scores and, where left-over fragments join
 a neighbour, on the components next to it. So the components with changed scores or pins and those
-next to them are decided anew, in a scene that also holds all that is next to these.
+next to them are decided anew, in a scene that also holds all that is next to these. Of a concept
+that is declared local, the changed ones are.
 """
 
 from __future__ import annotations
@@ -66,6 +67,7 @@ class LiveClusters:
         self._concept, self._column, self._detector = concept, column, detector
         self._fragments, self._pairs = fragments, pairs
         self._is_pinned = concept.spec.name == PINNED_CONCEPT
+        self._is_local = concept.spec.local and concept.spec.name not in detector.clusterers
         self._of_row: dict[int, set[_Found]] = {}
         self._giving: dict[Members, set[_Found]] = {}
         self._repeated: set[int] = set()
@@ -87,12 +89,12 @@ class LiveClusters:
         if self._is_pinned:
             touched = np.union1d(touched, changed.repinned)
         orphans = np.setdiff1d(self._mates(removed), removed)
-        core = Components(self._column, self._fragments, self._pairs, self._pins)
-        core.add(np.union1d(touched, orphans))
-        decided = core.with_next()
+        changed_ones = Components(self._column, self._fragments, self._pairs, self._pins)
+        changed_ones.add(np.union1d(touched, orphans))
+        decided = self._with_next(changed_ones)
         self._complete(decided, decided.rows)
         while True:
-            inner, context = decided.rows, decided.with_next().rows
+            inner, context = decided.rows, self._with_next(decided).rows
             new = self._cluster(context, inner)
             held = rows_where(*(rows_of(found.rows) for found in new))
             added = decided.add(held)
@@ -127,6 +129,10 @@ class LiveClusters:
     def _mates(self, rows: IntArray) -> IntArray:
         """Return the fragments in clusters that hold any of some fragments."""
         return rows_of({row for found in self._holding(rows) for row in found.rows})
+
+    def _with_next(self, components: Components) -> Components:
+        """Return components with those that what is decided about them depends on."""
+        return components if self._is_local else components.with_next()
 
     def _complete(self, components: Components, added: IntArray) -> None:
         """Add the clusters that added fragments are in, and the components of these."""

@@ -13,7 +13,7 @@ be what bends the others; these are tested again in the next solution.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import gtsam
 import numpy as np
@@ -127,14 +127,12 @@ class Misfits:
             for key in group.keys:
                 self._at.setdefault(key, set()).add(owner)
         self._groups |= new
-        before = self.verdict
-        self.verdict = Verdict(
-            {owner: refusal for owner, refusal in before.found.items() if owner not in replaced},
-            {o: times for o, times in before.waiting.items() if o not in replaced}
-            | dict.fromkeys(new, 0),
-            before.surfaces,
-            before.planes,
-        )
+        found, waiting = dict(self.verdict.found), dict(self.verdict.waiting)
+        for owner in replaced:
+            found.pop(owner, None)
+            waiting.pop(owner, None)
+        waiting |= dict.fromkeys(new, 0)
+        self.verdict = replace(self.verdict, found=found, waiting=waiting)
 
     def judge(
         self, graph: SGraph, values: gtsam.Values, surfaces: IntArray, planes: FloatArray

@@ -13,11 +13,19 @@ from tracked import add, assert_as_inferred_at_once, building, eastwards
 
 import sgraph_plugins.room.outline
 from sgraph_concepts.errors import InputError
+from sgraph_concepts.registry import RegisteredConcept
 from sgraph_concepts.spec import ConceptSpec
-from sgraph_concepts.types import ConceptNode, FloatArray, SurfaceArrays
+from sgraph_concepts.types import (
+    Cluster,
+    ConceptNode,
+    FloatArray,
+    Scene,
+    ScoredEdges,
+    SurfaceArrays,
+)
 from sgraph_core import load
 from sgraph_core.concepts import installed, new_registry
-from sgraph_core.detector import Detector
+from sgraph_core.detector import Detector, Inference
 from sgraph_core.evaluation.incremental import drive_through
 from sgraph_core.graph import Pins
 from sgraph_core.slam import ConceptTracker, Work
@@ -279,6 +287,39 @@ def test_outlines_of_rooms_that_stay_as_they_are_are_remembered(
         if k >= len(visits) - 2:
             tracker.placed(range(tracker.update().factors.size()))
     assert 1 <= len(outlined) <= 3
+
+
+def clustered_at_the_end(
+    detector: Detector, concept: str, monkeypatch: pytest.MonkeyPatch
+) -> tuple[int, ConceptTracker]:
+    """Return how many fragments of a concept the last update of a drive clusters."""
+    visits, sizes = drive_through(40, 40), []
+    tracker, cluster = ConceptTracker(detector=detector), Inference.cluster
+
+    def counted(
+        run: Inference, one: RegisteredConcept, edges: ScoredEdges, scene: Scene
+    ) -> list[Cluster]:
+        if one.spec.name == concept:
+            sizes.append(len(scene.surfaces))
+        return cluster(run, one, edges, scene)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Inference, "cluster", counted)
+        for k, visit in enumerate(visits):
+            visit.enter(tracker, visits[k - 1] if k else None)
+            if k >= len(visits) - 2:
+                tracker.placed(range(tracker.update().factors.size()))
+    return sizes[-1], tracker
+
+
+def test_what_is_next_to_a_change_is_not_clustered_for_a_local_concept(
+    detector: Detector, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    walls, tracker = clustered_at_the_end(detector, "wall", monkeypatch)
+    chosen = Detector(clusterers={"wall": "sgraph_plugins.wall.cluster:cluster"})
+    with_next, _ = clustered_at_the_end(chosen, "wall", monkeypatch)
+    assert walls < 0.8 * with_next, "what holds of the declared clusterer need not of others"
+    assert_as_inferred_at_once(tracker, detector)
 
 
 # -- what is refused -----------------------------------------------------------------------------

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import networkx as nx
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from plans import plan, rectangle, turned
 
-from sgraph_concepts.types import ConceptNode, NodeShape, ScoredEdges
+from sgraph_concepts.types import ConceptNode, NodeShape, Scene, ScoredEdges
 from sgraph_core.graph import SGraph
 from sgraph_core.proximity import build_scene
+from sgraph_plugins.wall import WALL
 from sgraph_plugins.wall.baseline import score
 from sgraph_plugins.wall.cluster import cluster
 from sgraph_plugins.wall.factor import (
@@ -98,6 +100,38 @@ def test_unphysical_pairs_are_no_walls_however_likely() -> None:
 def test_a_wall_has_a_body_along_all_of_its_sides(lower: list[list[float]], walls: int) -> None:
     scene = build_scene(pair([[0.0, 0.0], [4.0, 0.0]], lower).wall_surfaces.ordered())
     assert len(cluster(ScoredEdges(scene.pairs, np.ones(len(scene.pairs))), scene)) == walls
+
+
+@given(st.integers(0, 1000))
+@settings(deadline=None, max_examples=50)
+def test_walls_are_local_as_they_are_declared(seed: int) -> None:
+    """Sides in one corridor of half a metre; what likely pairs link is clustered by itself."""
+    rng = np.random.default_rng(seed)
+    graph = SGraph()
+    for k in range(12):
+        y, x, up = rng.uniform(0, 0.5), rng.uniform(0, 3), rng.choice([-1, 1])
+        graph.add_wall_surface(k, [[x, y], [x + 3, y]], [0, up])
+    surfaces = graph.wall_surfaces.ordered()
+    pairs = np.stack(np.triu_indices(12, 1), axis=1)
+    logits = rng.normal(-0.5, 1, len(pairs))
+
+    def walls(rows: np.ndarray) -> set[tuple[tuple[int, ...], float]]:
+        inside = np.isin(pairs, rows).all(axis=1)
+        scene = Scene(
+            surfaces.take(rows),
+            np.zeros(2),
+            np.searchsorted(rows, pairs[inside]),
+            np.zeros(inside.sum()),
+            np.zeros((inside.sum(), 4)),
+        )
+        found = cluster(ScoredEdges(scene.pairs, logits[inside]), scene)
+        return {(tuple(rows[list(c.members)].tolist()), c.confidence) for c in found}
+
+    links = nx.Graph(pairs[logits > 0].tolist())
+    links.add_nodes_from(range(12))
+    parts = [walls(np.array(sorted(part))) for part in nx.connected_components(links)]
+    assert WALL.local
+    assert walls(np.arange(12)) == set().union(*parts)
 
 
 def walls_across(*inner: tuple[float, int]) -> list[tuple[int, ...]]:

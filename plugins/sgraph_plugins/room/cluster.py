@@ -17,7 +17,7 @@ from sgraph_concepts.types import (
 from sgraph_core.clustering.canonical import Relation, canonical_relation
 from sgraph_core.clustering.confidence import clusters_of
 from sgraph_core.clustering.multicut import multicut
-from sgraph_core.geometry import dot, points_of, rectangle_sides
+from sgraph_core.geometry import dot, rectangle_sides
 from sgraph_core.grid.passages import separated
 from sgraph_core.grid.regions import label_cells, spaces_faced
 from sgraph_core.grid.strips import count_labels
@@ -134,9 +134,8 @@ def _enclose_a_room(surfaces: SurfaceArrays, groups: list[list[int]]) -> dict[in
         return {}
     sizes = np.array([len(group) for group in groups])
     some, of = surfaces.take(np.concatenate(groups)), np.repeat(np.arange(len(groups)), sizes)
-    points = points_of(some.segments.reshape(-1, 2))
-    around = np.asarray(shapely.multipoints(points, indices=np.repeat(of, 2)))
-    widths = rectangle_sides(around)[:, 0]
+    chains = shapely.linestrings(some.segments.reshape(-1, 2), indices=np.repeat(of, 2))
+    widths = rectangle_sides(np.asarray(chains))[:, 0]
     first = np.cumsum(sizes) - sizes
     lengths, midpoints = some.lengths, some.midpoints
     sums = np.add.reduceat(np.column_stack([lengths, lengths[:, None] * midpoints]), first)

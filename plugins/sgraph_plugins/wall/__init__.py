@@ -14,6 +14,7 @@ WALL = ConceptSpec(
     factor="sgraph_plugins.wall.factor:factors",
     labeller="sgraph_plugins.wall.labeller:label",
     exclusive=False,
+    local=True,
 )
 
 
