@@ -8,7 +8,7 @@ that is declared local, the changed ones are.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +21,7 @@ from sgraph_core.slam.components import Components
 from sgraph_core.slam.fragments import Changed, LiveFragments
 from sgraph_core.slam.pairs import LivePairs
 from sgraph_core.slam.pins import NO_PINS, PairPins
-from sgraph_core.slam.pool import rows_of, rows_where
+from sgraph_core.slam.pool import rows_of
 
 __all__ = ["LiveClusters", "Members"]
 
@@ -95,11 +95,10 @@ class LiveClusters:
         self._complete(decided, decided.rows)
         while True:
             inner, context = decided.rows, self._with_next(decided).rows
-            new = self._cluster(context, inner)
-            held = rows_where(*(rows_of(found.rows) for found in new))
-            added = decided.add(held)
+            old = self._holding(np.union1d(inner, removed))
+            new = self._cluster(context, inner, old)
+            added = decided.add(_rows_in(new))
             if not len(added):
-                old = self._holding(np.union1d(inner, removed))
                 return self._replace(old.difference(new), set(new) - old), len(context)
             self._complete(decided, added)
 
@@ -128,7 +127,7 @@ class LiveClusters:
 
     def _mates(self, rows: IntArray) -> IntArray:
         """Return the fragments in clusters that hold any of some fragments."""
-        return rows_of({row for found in self._holding(rows) for row in found.rows})
+        return _rows_in(self._holding(rows))
 
     def _with_next(self, components: Components) -> Components:
         """Return components with those that what is decided about them depends on."""
@@ -144,26 +143,26 @@ class LiveClusters:
     def _pins(self) -> PairPins:
         return self._fragments.pins if self._is_pinned else NO_PINS
 
-    def _cluster(self, rows: IntArray, inner: IntArray) -> list[_Found]:
-        """Cluster fragments, and return what holds some of the inner ones."""
+    def _cluster(self, rows: IntArray, inner: IntArray, before: set[_Found]) -> list[_Found]:
+        """Cluster fragments; return what holds some of the inner ones, as before if it can be."""
         rows = self._fragments.in_order(rows)
         scene, pairs = self._pairs.scene(rows)
         edges = ScoredEdges(scene.pairs, self._pairs.pairs["logits"][pairs, self._column])
-        parents = self._fragments.fragments["parent"][rows] if self._pins else ()
-        pins = self._pins.among(set(parents))
+        parents = self._fragments.fragments["parent"][rows] if self._pins else rows[:0]
+        pins = self._pins.among(set(parents.tolist()))
         inference = Inference(self._detector, self._fragments.take(rows), scene, pins)
-        known = {found.rows: found for found in self._holding(inner)}
+        known = {found.rows: found for found in before}
         counts = set(inner.tolist())
         result, others = [], {}
         for cluster in inference.cluster(self._concept, edges, scene):
             whole = frozenset(rows[list(cluster.members)].tolist())
             if counts.isdisjoint(whole):
                 continue
-            before = known.get(whole)
-            if before is None or self._differs(before, cluster):
+            found = known.get(whole)
+            if found is None or self._differs(found, cluster):
                 others[whole] = cluster
             else:
-                result.append(before)
+                result.append(found)
         return result + self._found(inference, others)
 
     def _differs(self, found: _Found, cluster: Cluster) -> bool:
@@ -207,3 +206,7 @@ class LiveClusters:
             if not self._giving[members]:
                 del self._giving[members]
         return concerned
+
+
+def _rows_in(clusters: Iterable[_Found]) -> IntArray:
+    return rows_of({row for found in clusters for row in found.rows})

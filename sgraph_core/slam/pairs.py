@@ -105,7 +105,8 @@ class LivePairs:
 
     def related(self, rows: IntArray) -> IntArray:
         """Return the rows of the related pairs of some fragments."""
-        each = [self._pairs_of(row) for row in rows.tolist()]
+        known = self._arrays
+        each = [known[row] if row in known else self._pairs_of(row) for row in rows.tolist()]
         return rows_where(*each)
 
     def neighbours(self, rows: IntArray) -> IntArray:
@@ -114,8 +115,7 @@ class LivePairs:
         return rows_where(rows, ends)
 
     def _pairs_of(self, row: int) -> IntArray:
-        if row not in self._arrays:
-            self._arrays[row] = np.array(list(self._related_of.get(row, ())), np.int64)
+        self._arrays[row] = np.array(list(self._related_of.get(row, ())), np.int64)
         return self._arrays[row]
 
     def surfaces(self, rows: IntArray) -> SurfaceArrays:
