@@ -22,21 +22,27 @@ def clusters_of(relation: Relation, sets: Sequence[Sequence[int]]) -> list[Clust
     A cluster's confidence is the mean probability of the decisions that make it: of being related
     for the pairs inside it, of not being related for the pairs that cross its border.
     """
+    if not sets:
+        return []
+    sizes = [len(members) for members in sets]
+    members, of = np.concatenate(sets), np.repeat(np.arange(len(sets)), sizes)
     owner = np.full(len(relation.rows), -1)
-    for number, members in enumerate(sets):
-        owner[list(members)] = number
+    owner[members] = of
     one, two = owner[relation.pairs].T
     inside = one == two
     related = 0.5 * (1 + np.tanh(0.5 * relation.logits))
     right = np.where(inside, related, 1 - related)
-    total, count = np.zeros(len(sets)), np.zeros(len(sets))
-    for side, counted in ((one, one >= 0), (two, (two >= 0) & ~inside)):
-        np.add.at(total, side[counted], right[counted])
-        np.add.at(count, side[counted], 1)
-    confidence = total / np.maximum(count, 1)
+    counted = (one >= 0), (two >= 0) & ~inside
+    ends = np.concatenate([one[counted[0]], two[counted[1]]])
+    total = np.bincount(ends, np.concatenate([right[some] for some in counted]), len(sets))
+    confidence = total / np.maximum(np.bincount(ends, minlength=len(sets)), 1)
+    rows = relation.rows[members]
+    rows = rows[np.lexsort((rows, of))]
     return [
-        Cluster(tuple(sorted(relation.rows[list(members)].tolist())), float(sure))
-        for members, sure in zip(sets, confidence, strict=True)
+        Cluster(tuple(some.tolist()), sure)
+        for some, sure in zip(
+            np.split(rows, np.cumsum(sizes)[:-1]), confidence.tolist(), strict=True
+        )
     ]
 
 
