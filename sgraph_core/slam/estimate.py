@@ -13,7 +13,7 @@ from sgraph_core.backend.keys import Keys
 from sgraph_core.backend.low_layers import pose_row
 from sgraph_core.graph import SGraph
 
-__all__ = ["moves", "observations_of"]
+__all__ = ["Planes", "moves", "observations_of"]
 
 LEVEL = 1e-6
 """A plane whose normal has no larger horizontal component is no wall's."""

@@ -64,6 +64,11 @@ class LiveNodes:
         """The members of each node."""
         return set(self._of_members)
 
+    @property
+    def in_order(self) -> list[ConceptNode]:
+        """All nodes, by id."""
+        return _by_id(list(self.by_id.values()))
+
     def after(self, changes: NodeChanges) -> list[ConceptNode]:
         """Return all nodes as they will be after some changes."""
         now = self.by_id | {node.id: node for node in (*changes.changed, *changes.added)}

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from sgraph_concepts.types import FloatArray, IntArray, SurfaceArrays
 from sgraph_core.backend.observed import Observed
+from sgraph_core.graph import SGraph
 from sgraph_core.slam.pool import Pool, boxes_around
 
-__all__ = ["ObservedSurfaces"]
+__all__ = ["ObservedSurfaces", "surfaces_of"]
 
 
 class ObservedSurfaces:
@@ -65,3 +68,9 @@ class ObservedSurfaces:
         self._pool["segment"][rows] = moved.segments
         self._pool["normal"][rows] = moved.normals
         self._pool["box"][rows] = boxes_around(moved.segments)
+
+
+def surfaces_of(graph: SGraph, ids: Iterable[int]) -> SurfaceArrays:
+    """Return wall surfaces of a map as they are now, by id."""
+    rows = np.array([graph.surface_row(i) for i in ids], np.int64)
+    return graph.wall_surfaces.take(rows).ordered()

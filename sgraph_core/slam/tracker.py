@@ -2,47 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
 from threading import RLock
 
 import gtsam
-import numpy as np
 from numpy.typing import ArrayLike
 
 from sgraph_concepts.errors import ConceptError, InputError
 from sgraph_concepts.spec import WALL_SURFACE
-from sgraph_concepts.types import ConceptNode, FactorResult, FloatArray, Memory, SurfaceArrays
-from sgraph_core.backend.association import Proposal, Same
+from sgraph_concepts.types import ConceptNode
 from sgraph_core.backend.keys import Keys
-from sgraph_core.backend.observed import observed_in
 from sgraph_core.backend.robust import Refusal
 from sgraph_core.detector import Detector
 from sgraph_core.graph import Pins, SGraph
 from sgraph_core.nodes import check_nodes
-from sgraph_core.pins import PINNED_CONCEPT, between_mapped, check_pins
-from sgraph_core.slam.clusters import Members
+from sgraph_core.pins import between_mapped, check_pins
+from sgraph_core.slam.concepts import LiveConcepts
 from sgraph_core.slam.estimate import moves
-from sgraph_core.slam.factors import FactorMakers
-from sgraph_core.slam.handout import Ledger, Owner
-from sgraph_core.slam.inference import LiveInference, Work
-from sgraph_core.slam.misfits import Misfits
-from sgraph_core.slam.nodes import LiveNodes, NodeChanges
-from sgraph_core.slam.observed import ObservedSurfaces
-from sgraph_core.slam.pins import PairPins
+from sgraph_core.slam.factors import LiveFactors
+from sgraph_core.slam.inference import Work
+from sgraph_core.slam.makers import FactorMakers
+from sgraph_core.slam.observed import surfaces_of
 from sgraph_core.slam.smoother import Smoother
-from sgraph_core.slam.ties import tied_anew
 from sgraph_core.slam.update import Update, update_of
 
 __all__ = ["ConceptTracker"]
 
 MOST_STEPS = 30
 """Of ISAM2 in one call, while there are misfits."""
-Subject = Owner | tuple[str, Members]
-"""A tie, or a concept and the members of a node."""
-Mapped = tuple[FloatArray, FloatArray]
-"""Segment and normal of a surface."""
 
 
 class ConceptTracker:
@@ -92,33 +81,14 @@ class ConceptTracker:
         check_nodes(self._graph.concepts, set(self._graph.wall_surfaces.ids.tolist()))
         if not tolerance_m >= 0:
             raise InputError(f"tolerance_m = {tolerance_m}: must not be negative")
-        self._detector = Detector() if detector is None else detector
         self._keys = keys or Keys()
-        self._tolerance = tolerance_m
-        self._concepts = list(
-            self._detector.registry.select(None if concepts is None else list(concepts))
+        detector = Detector() if detector is None else detector
+        selected = detector.registry.select(None if concepts is None else list(concepts))
+        self._concepts = LiveConcepts(self._graph, detector, list(selected), tolerance_m)
+        makers = FactorMakers(
+            detector.registry, self._concepts.of_surfaces, factor_types or {}, self._keys
         )
-        self._grouping_surfaces = [c for c in self._concepts if c.spec.groups == WALL_SURFACE]
-        self._makers = FactorMakers(
-            self._detector.registry, self._grouping_surfaces, factor_types or {}, self._keys
-        )
-        self._nodes = {
-            c.spec.name: LiveNodes(c.spec.name, self._graph.concepts.get(c.spec.name, ()))
-            for c in self._concepts
-        }
-        self._ledger, self._misfits = Ledger(), Misfits(self._keys)
-        self._off: dict[Subject, Refusal] = {}
-        self._live: LiveInference | None = None
-        self._mapped: dict[int, Mapped] = {}
-        self._origin: FloatArray | None = None
-        self._pending: set[int] = set(self._graph.wall_surfaces.ids.tolist())
-        self._observed = ObservedSurfaces()
-        mapped = observed_in(self._graph)
-        self._observed.add(mapped.surfaces, mapped.first_seen)
-        self._seen_otherwise: set[int] = set()
-        """Surfaces that are observed for the first time, or by an earlier keyframe than known."""
-        self._unmade = True
-        self._ties: dict[Owner, Same] = {}
+        self._factors = LiveFactors(self._graph, self._keys, makers, self._concepts.nodes)
         self._owns = False
         """Whether the tracker optimises a graph of its own; it has no smoother after a failure."""
         self._smoother: Smoother | None = None
@@ -132,9 +102,9 @@ class ConceptTracker:
             ConceptError: it is not inferred here.
         """
         with self._lock:
-            if concept not in self._nodes:
+            if concept not in self._concepts.nodes:
                 raise ConceptError(f"concept {concept!r} is not inferred by this tracker")
-            return [node for _, node in sorted(self._nodes[concept].by_id.items())]
+            return self._concepts.nodes[concept].in_order
 
     def snapshot(self) -> SGraph:
         """Return a copy of the map with its concepts; the time this takes grows with the map.
@@ -145,7 +115,7 @@ class ConceptTracker:
             graph = self._graph.copy()
             if graph.pins is not None:
                 graph.pins = between_mapped(graph.pins, graph.wall_surfaces.ids.tolist())
-            for concept in self._concepts:
+            for concept in self._concepts.concepts:
                 name, groups = concept.spec.name, concept.spec.groups
                 graph.concepts[name] = self.nodes(name)
                 if groups != WALL_SURFACE:
@@ -156,11 +126,7 @@ class ConceptTracker:
     def pins(self) -> Pins:
         """A copy of what is pinned; pairs that wait for a surface to be mapped are included."""
         with self._lock:
-            return deepcopy(self._pins)
-
-    @property
-    def _pins(self) -> Pins:
-        return self._graph.pins or Pins()
+            return deepcopy(self._graph.pins or Pins())
 
     def pin(self, pins: Pins) -> None:
         """Let pins hold from the next update on, instead of those before.
@@ -183,14 +149,7 @@ class ConceptTracker:
     def refusals(self) -> list[Refusal]:
         """Why factors of nodes and ties that there are are switched off."""
         with self._lock:
-            ties = [self._off[owner] for owner in self._ties if owner in self._off]
-            nodes = [
-                replace(self._off[name, frozenset(node.members)], node=node.id)
-                for name in self._makers.concepts
-                for node in self.nodes(name)
-                if (name, frozenset(node.members)) in self._off
-            ]
-            return nodes + ties
+            return self._factors.refusals
 
     # -- what the front end finds ----------------------------------------------------------------
 
@@ -214,7 +173,7 @@ class ConceptTracker:
         """Add a wall surface, as :meth:`sgraph_core.SGraph.add_wall_surface` does."""
         with self._lock:
             self._graph.add_wall_surface(surface_id, segment, normal, height)
-            self._pending.add(surface_id)
+            self._concepts.add(surface_id)
 
     def observe(
         self,
@@ -231,12 +190,7 @@ class ConceptTracker:
         """
         with self._lock:
             self._graph.observe(surface_id, keyframe_id, plane, sigmas, at)
-            keyframe = self._graph.keyframe_row(keyframe_id)
-            if surface_id not in self._observed:
-                self._observed.add(self._ordered([surface_id]), np.array([keyframe]))
-                self._seen_otherwise.add(surface_id)
-            elif self._observed.see(surface_id, keyframe):
-                self._seen_otherwise.add(surface_id)
+            self._factors.observe(surface_id, keyframe_id)
 
     def move(
         self,
@@ -254,13 +208,9 @@ class ConceptTracker:
         """
         with self._lock:
             self._graph.move(keyframes, surfaces)
-            now = self._ordered(list(surfaces or {}))
-            self._observed.move(now)
-            for surface, segment in zip(now.ids.tolist(), now.segments, strict=True):
-                if surface in self._mapped:
-                    moved = np.abs(segment - self._mapped[surface][0]).max()
-                    if moved > self._tolerance:
-                        self._pending.add(surface)
+            now = surfaces_of(self._graph, surfaces or ())
+            self._factors.move(now)
+            self._concepts.move(now)
 
     def follow(self, values: gtsam.Values) -> None:
         """Move keyframes and surfaces to where an optimiser has them, and test the factors.
@@ -278,11 +228,11 @@ class ConceptTracker:
         """
         with self._lock:
             keyframes, surfaces, planes = moves(self._graph, self._keys, values)
-            verdict = self._misfits.verdict
-            if not self._ledger.waiting:
-                verdict = self._misfits.judge(self._graph, values, *planes)
+            verdict = self._factors.verdict
+            if not self._factors.ledger.waiting:
+                verdict = self._factors.judge(values, planes)
             self.move(keyframes, surfaces)
-            self._misfits.verdict = verdict
+            self._factors.verdict = verdict
 
     # -- what follows --------------------------------------------------------------------------
 
@@ -312,7 +262,7 @@ class ConceptTracker:
             InputError: there are more or fewer than factors.
         """
         with self._lock:
-            self._ledger.placed(indices)
+            self._factors.ledger.placed(indices)
 
     def associate(self) -> Update:
         """Tie surfaces that are one surface mapped twice, where the drive as a whole shows it.
@@ -329,23 +279,12 @@ class ConceptTracker:
             SGraphError: as :meth:`optimize` raises them, on a graph of the tracker's own.
         """
         with self._lock:
-            self._ledger.require_placed()
+            self._factors.ledger.require_placed()
             # what the last solution left unsolved is built anew
             rebuilt = self.optimize() if self._owns and self._smoother is None else None
             if self._smoother is not None:
                 self._smoother.check(self._graph)
-            tied, made = tied_anew(
-                self._graph, self._keys, self._proposals(), self._ties, self._off
-            )
-            handout = self._ledger.prepare(self._ties.keys() - tied.keys(), made)
-            self._ledger.commit(handout)
-            self._misfits.take(handout, tied)
-            self._ties = tied
-            self._off = {
-                subject: refusal
-                for subject, refusal in self._off.items()
-                if len(subject) == 2 or subject in tied
-            }
+            handout = self._factors.tie_anew()
             if rebuilt is None:
                 update = update_of(handout, {}, [], Work())
             else:
@@ -369,7 +308,7 @@ class ConceptTracker:
                 builds the graph anew, without ties until :meth:`associate` finds them again.
         """
         with self._lock:
-            if self._ledger.used and not self._owns:
+            if self._factors.ledger.used and not self._owns:
                 raise InputError("factors went to a graph of the caller's: optimise that")
             smoother = self._smoother or Smoother(self._keys)
             smoother.check(self._graph)
@@ -383,145 +322,31 @@ class ConceptTracker:
         Returns:
             Why factors were switched off in the new solution.
         """
-        refusals, off = list[Refusal](), self._off
+        refusals, off = list[Refusal](), self._factors.off
         try:
-            self._ledger.placed(smoother.add(self._graph, update))
+            self._factors.ledger.placed(smoother.add(self._graph, update))
             for steps_left in reversed(range(MOST_STEPS)):
                 values = smoother.values
                 keyframes, surfaces, planes = moves(self._graph, self._keys, values)
-                self._misfits.verdict = self._misfits.judge(self._graph, values, *planes)
-                if not self._misfits.verdict.waiting or not steps_left:
+                self._factors.verdict = self._factors.judge(values, planes)
+                if not self._factors.verdict.waiting or not steps_left:
                     break
-                step = self._without_misfits()
-                self._ledger.placed(smoother.add(self._graph, step, anew=True))
-                refusals += step.refusals
+                handout, found = self._factors.drop_misfits()
+                step = update_of(handout, {}, found, Work())
+                self._factors.ledger.placed(smoother.add(self._graph, step, anew=True))
+                refusals += found
             self.move(keyframes, surfaces)
         except BaseException:  # an interruption too
-            self._smoother, self._ties, self._off, self._unmade = None, {}, off, True
-            self._ledger, self._misfits = Ledger(), Misfits(self._keys)
+            self._smoother = None
+            self._factors.lose(off)
             raise
         self._smoother = smoother
         return refusals
 
-    def _without_misfits(self) -> Update:
-        """Return an update that removes the factors of the misfits found, and nothing else."""
-        found = self._misfits.verdict.found
-        handout = self._ledger.prepare([], [(owner, FactorResult()) for owner in found])
-        self._ledger.commit(handout)
-        self._off = self._off | {self._subject(owner): why for owner, why in found.items()}
-        self._misfits.take(handout, self._ties)
-        return update_of(handout, {}, list(found.values()), Work())
-
     def _update(self) -> Update:
-        self._ledger.require_placed()
-        anew = self._live is None
-        surfaces = self._ordered(sorted(self._pending))
-        if anew:
-            surfaces = self._with_mapped(surfaces)
-        live = self._live or self._begin(surfaces)
-        self._live = None  # kept only if all goes well
-        pins = between_mapped(self._pins, self._graph.wall_surfaces.ids.tolist())
-        concerned, work = live.update(surfaces, PairPins(pins))
-        changes = self._changes(live, concerned, anew)
-        found = self._misfits.verdict.found
-        refused = {owner: self._subject(owner) for owner in found}
-        off = self._off | {refused[owner]: refusal for owner, refusal in found.items()}
-        gone, made = self._factors(changes, off)
-        replaced = {*gone, *(owner for owner, _ in made)}
-        left = [owner for owner in found if owner not in replaced]
-        handout = self._ledger.prepare(gone, [*made, *((owner, FactorResult()) for owner in left)])
-
-        self._live = live if self._mapped or len(surfaces) else None
-        for name, change in changes.items():
-            self._nodes[name].apply(change)
-        self._ledger.commit(handout)
-        looked_at = zip(surfaces.segments, surfaces.normals, strict=True)
-        self._mapped |= zip(surfaces.ids.tolist(), looked_at, strict=True)
-        self._pending, self._seen_otherwise, self._unmade = set(), set(), False
-        self._off = off
-        stay = [owner for owner in found if owner not in gone]
-        refusals = [found[owner] for owner in stay if self._subject(owner) == refused[owner]]
-        self._misfits.take(handout, self._ties)
-        return update_of(handout, changes, refusals, work)
-
-    def _subject(self, owner: Owner) -> Subject:
-        """Return what is refused when factors of an owner are: a tie, or a node of its members."""
-        if owner in self._ties:
-            return owner
-        return owner[0], frozenset(self._nodes[owner[0]].by_id[owner[1]].members)
-
-    def _begin(self, surfaces: SurfaceArrays) -> LiveInference:
-        if self._origin is None and len(surfaces):
-            self._origin = np.round(surfaces.midpoints.mean(axis=0))
-        origin = np.zeros(2) if self._origin is None else self._origin
-        return LiveInference(self._detector, self._grouping_surfaces, origin)
-
-    def _changes(
-        self, live: LiveInference, concerned: Mapping[str, set[Members]], anew: bool
-    ) -> dict[str, NodeChanges]:
-        changes: dict[str, NodeChanges] = {}
-        for concept in self._concepts:
-            name, groups = concept.spec.name, concept.spec.groups
-            nodes, change = self._nodes[name], NodeChanges()
-            if groups == WALL_SURFACE:
-                members = concerned[name] | (nodes.members if anew else set())
-                names = self._pins.room_names if name == PINNED_CONCEPT else {}
-                change, there = nodes.compare({m: live.confidence(name, m) for m in members}, names)
-                gone = [node.id for node in change.removed]
-                change = nodes.shaped(change, live.shapes(name, gone, there))
-                change = nodes.named(change, names)
-            elif anew or changes[groups]:
-                grouped = self._nodes[groups].after(changes[groups])
-                now = live.nodes_of_nodes(concept, grouped, nodes.identified)
-                change = nodes.replaced_by(now)
-            changes[name] = change
-        return changes
-
-    def _factors(
-        self, changes: Mapping[str, NodeChanges], off: Container[Subject]
-    ) -> tuple[list[Owner], list[tuple[Owner, FactorResult]]]:
-        """Return the nodes whose factors go, and those with new ones: none where they are off."""
-        gone: list[Owner] = [
-            (name, node.id) for name, change in changes.items() for node in change.removed
-        ]
-        made: list[tuple[Owner, FactorResult]] = []
-        observed = self._observed.all
-        for name in self._makers.concepts:
-            change, nodes = changes[name], self._nodes[name]
-            after = nodes.after(change)
-            concerned = [node for i in self._seen_otherwise for node in nodes.having(i)]
-            wanted = {node.id: node for node in (*concerned, *change.changed, *change.added)}
-            for node in change.removed:
-                wanted.pop(node.id, None)
-            memory = Memory()
-            for node in after if self._unmade else sorted(wanted.values(), key=lambda n: n.id):
-                is_off = (name, frozenset(node.members)) in off
-                result = self._makers.make(name, node, after, observed, memory)
-                made.append(((name, node.id), FactorResult() if is_off else result))
-        return gone, made
-
-    def _proposals(self) -> list[Proposal]:
-        """Return the pairs that all nodes take for one, as the map is now."""
-        return [
-            proposal
-            for name in self._makers.concepts
-            for proposal in self._makers.proposals(
-                name, list(self._nodes[name].by_id.values()), self._observed.all
-            )
-        ]
-
-    def _ordered(self, ids: Sequence[int]) -> SurfaceArrays:
-        """Return surfaces as they are now."""
-        rows = np.array([self._graph.surface_row(i) for i in ids], np.int64)
-        return self._graph.wall_surfaces.take(rows).ordered()
-
-    def _with_mapped(self, now: SurfaceArrays) -> SurfaceArrays:
-        """Return surfaces, and all others as they were last looked at."""
-        rest = sorted(self._mapped.keys() - set(now.ids.tolist()))
-        if not rest:
-            return now
-        return SurfaceArrays(
-            np.concatenate([now.ids, rest]),
-            np.concatenate([now.segments, [self._mapped[i][0] for i in rest]]),
-            np.concatenate([now.normals, [self._mapped[i][1] for i in rest]]),
-        )
+        self._factors.ledger.require_placed()
+        step = self._concepts.step()
+        exchange = self._factors.exchange(step.changes)
+        self._concepts.commit(step)
+        refusals = self._factors.commit(exchange)
+        return update_of(exchange.handout, step.changes, refusals, step.work)

@@ -11,14 +11,15 @@ from callers import Caller, relinearized_at_once
 from drive import drive
 from tracked import keyframes_of
 
+import sgraph_core.slam.handout
 import sgraph_core.slam.ties
-import sgraph_core.slam.tracker
 from sgraph_core.backend import Keys, low_layers, optimize
 from sgraph_core.backend.association import Association, Proposal, Same
 from sgraph_core.detector import Detector
 from sgraph_core.evaluation.trajectory import ate_rmse
 from sgraph_core.graph import SGraph
 from sgraph_core.slam import ConceptTracker, Update
+from sgraph_core.slam.makers import FactorMakers
 
 LEVEL = [0.0, 0, 0, 0, 0, 0, 1]
 FIFTHS = {"wall": "zone:tie_at_a_fifth", "room": "none"}
@@ -147,12 +148,12 @@ def test_an_update_that_fails_refuses_nothing_yet(
     graph = four_walls()
     tracker = ConceptTracker(graph, in_order, factor_types=FIFTHS)
     caller = Following(tracker, Keys(), graph)
-    while not tracker._misfits.verdict.found:
+    while not tracker._factors.verdict.found:
         caller.step()
     graph.add_wall_surface(20, [[8, 0], [8, 2]], [1, 0])
     tracker.add_wall_surface(20, [[8, 0], [8, 2]], [1, 0])
     with monkeypatch.context() as patch:
-        patch.setattr(sgraph_core.slam.tracker.Ledger, "prepare", broken)
+        patch.setattr(sgraph_core.slam.handout.Ledger, "prepare", broken)
         with pytest.raises(ZeroDivisionError):
             tracker.update()
     assert tracker.refusals == []
@@ -176,7 +177,8 @@ def test_a_tie_that_contradicts_the_map_leaves_and_is_not_made_again(
     tracker.optimize()
     where = tracker.snapshot().wall_surfaces.segments
     monkeypatch.setattr(sgraph_core.slam.ties, "associate", lambda *_: Association([wrong]))
-    monkeypatch.setattr(tracker, "_proposals", lambda: [Proposal("room", 0, [wrong.pair])])
+    proposed = {"room": [Proposal("room", 0, [wrong.pair])], "wall": []}
+    monkeypatch.setattr(FactorMakers, "proposals", lambda _, concept, *__: proposed[concept])
     update = tracker.associate()
     assert update.factors.size() == 3
     (refusal,) = update.refusals
@@ -185,7 +187,7 @@ def test_a_tie_that_contradicts_the_map_leaves_and_is_not_made_again(
     assert tracker.refusals == [refusal]
     again = tracker.associate()
     assert (again.factors.size(), again.remove, again.refusals) == (0, [], [])
-    monkeypatch.setattr(tracker, "_proposals", list)
+    proposed["room"] = []
     monkeypatch.setattr(sgraph_core.slam.ties, "associate", lambda *_: Association())
     tracker.associate()
     assert tracker.refusals == [], "nobody takes them for one any more"
