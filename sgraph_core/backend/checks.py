@@ -95,7 +95,7 @@ def _check(
     _check_noise(what, factor)
     point = own.extract([key for key in keys if own.exists(key)])
     for key in set(keys) & planes.keys():
-        point.insert(key, gtsam.OrientedPlane3(*planes[key]))
+        point.insert(key, plane=gtsam.OrientedPlane3(*planes[key]))
     try:
         error, jacobians = _evaluated(factor, point)
     except Exception as problem:  # a third party's code may raise anything

