@@ -124,8 +124,8 @@ class ConceptSpec(_Frozen):
     )
     local: bool = Field(
         default=False,
-        description="Whether the clusterer decides about surfaces apart from all that no chain of "
-        "pairs more likely related than not links them to.",
+        description="Whether the clusterer decides about surfaces, and how sure it is, apart from "
+        "all that no chain of pairs more likely related than not links them to.",
     )
 
     @model_validator(mode="after")

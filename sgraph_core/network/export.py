@@ -135,7 +135,7 @@ def _largest_of_rows(
 
     What torch-geometric aggregates by. Its index is one number a row, repeated along the row. The
     exporter would hand all of them to two ScatterElements, which take most of an encoder's time:
-    ScatterND takes whole rows.
+    ScatterND takes whole rows. ONNX Runtime must run it in one thread: several race.
     """
     from onnxscript import opset18
 
@@ -145,4 +145,4 @@ def _largest_of_rows(
     rows = op.Slice(op.Flatten(index, axis=1), [0], [1], [1])
     least = op.Expand(op.Constant(value_float=float("-inf")), op.Shape(x))
     largest = op.ScatterND(least, rows, source, reduction="max")
-    return op.Where(op.IsInf(largest), x, largest)
+    return op.Where(op.IsInf(largest, detect_positive=0), x, largest)

@@ -50,7 +50,6 @@ class Network:
     Args:
         folder: where ``encoder.onnx`` and a head per concept are, as ``sgraph train`` writes them;
             the shipped ones by default.
-        threads: threads that ONNX Runtime may use for one scene.
 
     Raises:
         WeightsError: the file is absent, damaged, no encoder, or of another version.
@@ -61,8 +60,8 @@ class Network:
     layers: int
     hidden: int
 
-    def __init__(self, folder: Path | None = None, threads: int = 1) -> None:
-        self._folder, self._threads = folder, threads
+    def __init__(self, folder: Path | None = None) -> None:
+        self._folder = folder
         shipped = importlib.resources.files("sgraph_core") / "weights"
         file = (folder or shipped) / "encoder.onnx"
         self._encoder, metadata = self._open(file, (*GRAPH, *PART), ("nodes", "edges"))
@@ -88,7 +87,7 @@ class Network:
         total = len(inputs["x"])
         nothing = np.zeros((total, self.layers * self.hidden), np.float32)
         nodes, edges = self.encode_part(inputs, np.zeros(total, bool), nothing)
-        return self.last(nodes), edges
+        return self.final(nodes), edges
 
     def encode_part(
         self, inputs: Inputs, known: NDArray[np.bool_], before: Vectors
@@ -103,7 +102,7 @@ class Network:
         nodes, edges = self._encoder.run(None, {**inputs, "known": known, "before": before})
         return nodes, edges
 
-    def last(self, nodes: Vectors) -> Vectors:
+    def final(self, nodes: Vectors) -> Vectors:
         """Return the embeddings after the last of all layers, [N, H]."""
         return np.ascontiguousarray(nodes[:, -self.hidden :])
 
@@ -155,7 +154,7 @@ class Network:
         except OSError as error:
             raise WeightsError(f"{file}: cannot be read: {error.strerror}") from error
         options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = self._threads
+        options.intra_op_num_threads = 1  # with more, ScatterND loses some of the rows that meet
         options.inter_op_num_threads = 1
         options.log_severity_level = 3
         options.enable_cpu_mem_arena = False  # it would keep what the largest scene took
@@ -176,7 +175,8 @@ class Network:
         if set(taken) != set(inputs) or given != list(outputs):
             raise WeightsError(
                 f"{file}: takes {', '.join(taken)} and gives {', '.join(given)}, "
-                f"but must take {', '.join(inputs)} and give {', '.join(outputs)}"
+                f"but must take {', '.join(inputs)} and give {', '.join(outputs)}: "
+                "train it again with 'sgraph train'"
             )
         return session, metadata
 
