@@ -25,7 +25,8 @@ def clusters_of(relation: Relation, sets: Sequence[Sequence[int]]) -> list[Clust
     if not sets:
         return []
     sizes = [len(members) for members in sets]
-    members, of = np.concatenate(sets), np.repeat(np.arange(len(sets)), sizes)
+    members = np.array([number for some in sets for number in some], np.int64)
+    of = np.repeat(np.arange(len(sets)), sizes)
     owner = np.full(len(relation.rows), -1)
     owner[members] = of
     one, two = owner[relation.pairs].T
@@ -61,6 +62,7 @@ def probability_right(
     spec: ConfidenceSpec, confidences: FloatArray, members: IntArray
 ) -> FloatArray:
     """Return how probably K nodes are right, [K], from the same as :func:`evidence`."""
-    terms = evidence(confidences, members)
-    log_odds = terms @ [spec.intercept, spec.slope, spec.members]
+    constants = np.array([spec.intercept, spec.slope, spec.members])
+    # a product of matrices would round otherwise with the number of nodes
+    log_odds = (constants * evidence(confidences, members)).sum(axis=1)
     return np.asarray(0.5 * (1 + np.tanh(0.5 * log_odds)))

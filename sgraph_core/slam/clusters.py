@@ -2,13 +2,13 @@
 
 What a clusterer decides about a component depends on its scores and, where left-over fragments join
 a neighbour, on the components next to it. So the components with changed scores or pins and those
-next to them are decided anew, in a scene that also holds all that is next to these. Of a concept
-that is declared local, the changed ones are.
+next to them are decided anew, in a scene that also holds all that is next to these. If the concept
+is declared local, those with changed scores alone are.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -89,18 +89,18 @@ class LiveClusters:
         if self._is_pinned:
             touched = np.union1d(touched, changed.repinned)
         orphans = np.setdiff1d(self._mates(removed), removed)
-        changed_ones = Components(self._column, self._fragments, self._pairs, self._pins)
-        changed_ones.add(np.union1d(touched, orphans))
-        decided = self._with_next(changed_ones)
-        self._complete(decided, decided.rows)
+        core = Components(self._column, self._fragments, self._pairs, self._pins)
+        core.add(np.union1d(touched, orphans))
+        decided = self._reaching(core)
+        self._add_mates(decided, decided.rows)
         while True:
-            inner, context = decided.rows, self._with_next(decided).rows
+            inner, context = decided.rows, self._reaching(decided).rows
             old = self._holding(np.union1d(inner, removed))
             new = self._cluster(context, inner, old)
             added = decided.add(_rows_in(new))
             if not len(added):
                 return self._replace(old.difference(new), set(new) - old), len(context)
-            self._complete(decided, added)
+            self._add_mates(decided, added)
 
     def confidence(self, members: Members) -> float | None:
         """Return how sure the node of these members is, None if there is none."""
@@ -129,11 +129,11 @@ class LiveClusters:
         """Return the fragments in clusters that hold any of some fragments."""
         return _rows_in(self._holding(rows))
 
-    def _with_next(self, components: Components) -> Components:
-        """Return components with those that what is decided about them depends on."""
+    def _reaching(self, components: Components) -> Components:
+        """Return components with those that decisions about them depend on."""
         return components if self._is_local else components.with_next()
 
-    def _complete(self, components: Components, added: IntArray) -> None:
+    def _add_mates(self, components: Components, added: IntArray) -> None:
         """Add the clusters that added fragments are in, and the components of these."""
         while len(added):
             mates = self._mates(added)
@@ -153,14 +153,15 @@ class LiveClusters:
         inference = Inference(self._detector, self._fragments.take(rows), scene, pins)
         known = {found.rows: found for found in before}
         counts = set(inner.tolist())
-        result, others = [], {}
+        result: list[_Found] = []
+        others: list[tuple[frozenset[int], Cluster]] = []
         for cluster in inference.cluster(self._concept, edges, scene):
             whole = frozenset(rows[list(cluster.members)].tolist())
             if counts.isdisjoint(whole):
                 continue
             found = known.get(whole)
             if found is None or self._differs(found, cluster):
-                others[whole] = cluster
+                others.append((whole, cluster))
             else:
                 result.append(found)
         return result + self._found(inference, others)
@@ -170,23 +171,24 @@ class LiveClusters:
         return stand_for_others or abs(found.sure - cluster.confidence) > SAME_SURE
 
     def _found(
-        self, inference: Inference, clusters: Mapping[frozenset[int], Cluster]
+        self, inference: Inference, clusters: Sequence[tuple[frozenset[int], Cluster]]
     ) -> list[_Found]:
         """Return clusters with the nodes that they give, from the fragments of each."""
         given = [
-            (rows, members)
-            for rows, cluster in clusters.items()
+            (k, members)
+            for k, (_, cluster) in enumerate(clusters)
             for members in inference.members_of(self._concept, np.array(cluster.members, np.int64))
         ]
         sure = inference.confidences(
-            self._concept,
-            [clusters[rows] for rows, _ in given],
-            [len(members) for _, members in given],
+            self._concept, [clusters[k][1] for k, _ in given], [len(some) for _, some in given]
         )
-        nodes: dict[frozenset[int], dict[Members, float]] = {rows: {} for rows in clusters}
-        for (rows, members), confidence in zip(given, sure, strict=True):
-            nodes[rows][members] = confidence
-        return [_Found(rows, cluster.confidence, nodes[rows]) for rows, cluster in clusters.items()]
+        nodes: list[dict[Members, float]] = [{} for _ in clusters]
+        for (k, members), confidence in zip(given, sure, strict=True):
+            nodes[k][members] = confidence
+        return [
+            _Found(rows, cluster.confidence, giving)
+            for (rows, cluster), giving in zip(clusters, nodes, strict=True)
+        ]
 
     def _replace(self, old: set[_Found], new: set[_Found]) -> set[Members]:
         concerned: set[Members] = set()

@@ -51,7 +51,6 @@ class LiveFactors:
 
     Attributes:
         ledger: where in the graph the factors are.
-        verdict: on the factors, as of the last solution.
         off: why factors are off.
 
     Args:
@@ -146,9 +145,9 @@ class LiveFactors:
             Why factors of nodes and ties that stay as they are have gone.
         """
         found, handout = self.verdict.found, exchange.handout
-        self._seen_otherwise, self._unmade = set(), False
+        self._take(handout, self._ties)
         self.off = exchange.off
-        self._take(handout)
+        self._seen_otherwise, self._unmade = set(), False
         stay = [owner for owner in found if owner not in handout.gone]
         return [found[i] for i in stay if self._subject(i) == exchange.refused[i]]
 
@@ -156,8 +155,8 @@ class LiveFactors:
         """Return what removes the factors that the verdict refuses, and why they go."""
         found = self.verdict.found
         handout = self.ledger.prepare([], [(owner, FactorResult()) for owner in found])
+        self._take(handout, self._ties)
         self.off = {**self.off, **{self._subject(owner): why for owner, why in found.items()}}
-        self._take(handout)
         return handout, list(found.values())
 
     def tie_anew(self) -> Handout:
@@ -170,18 +169,18 @@ class LiveFactors:
         """
         tied, made = tied_anew(self._graph, self._keys, self._proposals(), self._ties, self.off)
         handout = self.ledger.prepare(self._ties.keys() - tied.keys(), made)
+        self._take(handout, tied)
         self._ties = tied
         self.off = {
             subject: refusal
             for subject, refusal in self.off.items()
             if len(subject) == 2 or subject in tied
         }
-        self._take(handout)
         return handout
 
-    def _take(self, handout: Handout) -> None:
+    def _take(self, handout: Handout, ties: Mapping[Owner, Same]) -> None:
         self.ledger.commit(handout)
-        self._misfits.take(handout, self._ties)
+        self._misfits.take(handout, ties)
 
     def _subject(self, owner: Owner) -> Subject:
         """Return what is refused when factors of an owner are: a tie, or a node of its members."""

@@ -13,6 +13,7 @@ from drive import drive
 from tracked import keyframes_of
 from zone import Fickle, Moody
 
+import sgraph_core.slam.handout
 import sgraph_core.slam.smoother
 from sgraph_concepts.errors import ConceptError, InputError, OptimizationError
 from sgraph_concepts.types import FloatArray
@@ -248,6 +249,22 @@ def test_values_of_nothing_move_nothing(detector: Detector) -> None:
     before = state(tracker)
     tracker.follow(gtsam.Values())
     assert state(tracker) == before
+
+
+@pytest.mark.parametrize("call", ["update", "associate"])
+def test_factors_come_after_an_interruption_before_they_are_remembered(
+    call: str, detector: Detector, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tracker, calm = (ConceptTracker(drive(0).graph, detector) for _ in range(2))
+    for one in (tracker, calm):
+        if call == "associate":
+            one.optimize()
+    with monkeypatch.context() as patch:
+        patch.setattr(sgraph_core.slam.handout.Ledger, "commit", _interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            getattr(tracker, call)()
+    factors = getattr(calm, call)().factors.size()
+    assert getattr(tracker, call)().factors.size() == factors > 0
 
 
 # -- input -----------------------------------------------------------------------------------------

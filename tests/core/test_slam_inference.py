@@ -236,6 +236,28 @@ def test_the_grid_of_a_map_to_begin_with_is_not_used(detector: Detector) -> None
     assert tracker.snapshot().grid is not None
 
 
+def test_of_clusters_with_the_same_members_the_surest_counts() -> None:
+    registry = new_registry()
+    registry.add(
+        ConceptSpec(
+            name="pairing",
+            relation="same_pairing",
+            baseline="zone:everything",
+            clusterer="zone:said_twice",
+            exclusive=False,
+        )
+    )
+    detector, graph = Detector(registry), block(0.15)
+    tracker = ConceptTracker(graph, detector)
+    tracker.update()
+    nodes = tracker.nodes("pairing")
+    at_once = detector.infer(graph).concepts["pairing"]
+    assert {(n.members, n.confidence) for n in nodes} == {
+        (n.members, n.confidence) for n in at_once
+    }
+    assert {node.confidence for node in nodes} == {0.9}
+
+
 # -- how much is computed ------------------------------------------------------------------------
 
 

@@ -142,6 +142,12 @@ def pairs_of_rows(_edges: ScoredEdges, scene: Scene) -> list[Cluster]:
     return [Cluster(tuple(rows[k : k + 2]), 0.5) for k in rows[::2]]
 
 
+def said_twice(edges: ScoredEdges, _scene: Scene) -> list[Cluster]:
+    """Return a cluster for each pair, and the same again, less sure."""
+    pairs = [(one, two) for one, two in edges.pairs.tolist()]
+    return [Cluster(pair, sure) for sure in (0.9, 0.3) for pair in pairs]
+
+
 def surest_pair(edges: ScoredEdges, _scene: Scene) -> list[Cluster]:
     return [Cluster(tuple(edges.pairs[edges.logits.argmax()].tolist()), 0.5)]
 
