@@ -97,6 +97,10 @@ class Detector:
         """The shared encoder and the heads, loaded on first use."""
         return Network(self.weights)
 
+    def has_learned(self, concept: RegisteredConcept) -> bool:
+        """Return whether the network scores a concept's relation between wall surfaces."""
+        return self.scorer == "network" and concept.spec.head is not None
+
     def scene(self, surfaces: SurfaceArrays, grid: OccupancyGrid | None = None) -> Scene:
         """Return the pairs of preprocessed surfaces that the scorer is given.
 
@@ -268,8 +272,7 @@ class Inference:
         name = concept.spec.name
         if not len(scene.pairs):
             return ScoredEdges(scene.pairs, np.empty(0))
-        learned = self._detector.scorer == "network" and concept.spec.head is not None
-        if learned and not scene.nodes:
+        if self._detector.has_learned(concept) and not scene.nodes:
             return self._detector.network.score(concept, scene, self.embeddings)
         logits = np.asarray(self._call(name, "baseline", None, scene), np.float64)
         if logits.shape != (len(scene.pairs),) or not np.isfinite(logits).all():

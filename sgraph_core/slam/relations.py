@@ -76,7 +76,7 @@ class LiveRelations:
         parts: dict[bool, _Part] = {}
         touched = []
         for column, concept in enumerate(self._concepts):
-            learned = self._detector.scorer == "network" and concept.spec.head is not None
+            learned = self._detector.has_learned(concept)
             if learned not in parts:
                 parts[learned] = self._encoded(changed) if learned else self._around(changed)
             part = parts[learned]
