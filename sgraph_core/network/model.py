@@ -90,9 +90,9 @@ class Encoder(nn.Module):
 
     def normalised(self, x: Tensor, edge_attr: Tensor) -> tuple[Tensor, Tensor]:
         """Return features of nodes and edges as the first layer wants them."""
-        return (x - self.node_mean) / self.node_scale, (
-            edge_attr - self.edge_mean
-        ) / self.edge_scale
+        nodes = (x - self.node_mean) / self.node_scale
+        edges = (edge_attr - self.edge_mean) / self.edge_scale
+        return nodes, edges
 
 
 class PartEncoder(nn.Module):

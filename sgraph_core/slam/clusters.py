@@ -1,9 +1,10 @@
 """The clusters of one concept, kept up to date: only what changed scores can reach is cut anew.
 
-What a clusterer decides about a component depends on its scores and, where left-over fragments join
-a neighbour, on the components next to it. So the components with changed scores or pins and those
-next to them are decided anew, in a scene that also holds all that is next to these. If the concept
-is declared local, those with changed scores alone are.
+What a clusterer decides about a component (see :mod:`sgraph_core.slam.components`) depends on its
+scores and, where left-over fragments join a neighbour, on the components next to it. So the
+components with changed scores or pins and those next to them are decided anew, in a scene that also
+holds all that is next to these. If the concept is declared local, those with changed scores alone
+are.
 """
 
 from __future__ import annotations

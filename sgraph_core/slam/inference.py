@@ -29,7 +29,7 @@ class Work:
     Attributes:
         surfaces: wall surfaces preprocessed.
         pairs: pairs whose lines of sight were followed.
-        rows: fragments that the network was given.
+        rows: fragments that the scorers were given.
         clustered: fragments that the clusterers were given, of the concept with the most.
     """
 

@@ -140,8 +140,8 @@ def test_rows_are_aggregated_whole() -> None:
     weights = importlib.resources.files("sgraph_core") / "weights"
     graph = onnx.load(str(weights / "encoder.onnx")).graph
     by_element = [node for node in graph.node if node.op_type == "ScatterElements"]
-    of_rows = [onnx.helper.get_node_attr_value(node, "reduction") for node in by_element]
-    assert set(of_rows) <= {b"add"}, "of attention's weights, one number a row"
+    reductions = [onnx.helper.get_node_attr_value(node, "reduction") for node in by_element]
+    assert set(reductions) <= {b"add"}, "of attention's weights, one number a row"
     assert "ScatterND" in [node.op_type for node in graph.node]
 
 

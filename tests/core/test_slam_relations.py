@@ -20,6 +20,7 @@ from sgraph_core.network.export import export_encoder, export_head
 from sgraph_core.network.model import Encoder, Head, initialise
 from sgraph_core.preprocess import Fragments
 from sgraph_core.slam.fragments import LiveFragments
+from sgraph_core.slam.observed import surfaces_of
 from sgraph_core.slam.pairs import LivePairs
 from sgraph_core.slam.pins import NO_PINS
 from sgraph_core.slam.relations import SAME_LOGIT, LiveRelations
@@ -88,8 +89,7 @@ def ruled() -> Detector:
 
 
 def moved(graph: SGraph, ids: IntArray, by: FloatArray) -> SurfaceArrays:
-    rows = np.array([graph.surface_row(i) for i in ids.tolist()], np.int64)
-    some = graph.wall_surfaces.take(rows).ordered()
+    some = surfaces_of(graph, ids.tolist())
     return SurfaceArrays(some.ids, some.segments + by, some.normals)
 
 
